@@ -16,7 +16,7 @@ pub(crate) enum Amount {
 }
 
 impl Amount {
-    fn length(&self) -> Result<Length, Failure> {
+    pub(crate) fn length(&self) -> Result<Length, Failure> {
         match self {
             Amount::Number(units) if *units >= 0.0 => Ok(Length::Units(*units)),
             Amount::Number(units) => Err(Failure::Asked(format!(

@@ -2,6 +2,7 @@
 
 use crate::asked::{Amount, Asked};
 use crate::camera::{Camera, From as Point};
+use crate::cast::{self, Hits, Rows};
 use crate::error::Failure;
 use crate::page::Page;
 use crate::section::{self, Section};
@@ -10,6 +11,7 @@ use crate::view::row;
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, ErrorKind};
 use chpm_mesh::{ClusterId, Scalar};
+use chpm_rays::Seek;
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
@@ -369,6 +371,50 @@ impl File {
         let model = self.model()?;
         let found = py.detach(|| section::cut(&model, plane, error))?;
         Section::new(py, found, model.file.header().origin)
+    }
+
+    /// What rays meet: what ``chpm rays`` writes. All processors take part, and at most 512 MB of pages are kept; a page is read once for all rays that wait for it, so give many at a time.
+    ///
+    /// Parameters
+    /// ----------
+    /// origins : array_like
+    ///     Where rays begin, of the shape (n, 3), in the model's units.
+    /// directions : array_like
+    ///     Where they go, of the shape (n, 3); of any length but zero.
+    /// error : float or str
+    ///     How far from the source the mesh may be that is met: in the model's units or, as in ``"0.1%"``, of the diagonal of its box. 0 is the source's own triangles: hits and misses are the
+    ///     source's. Hits of a coarse mesh are not proven, but ``least`` is.
+    /// any : bool
+    ///     Only whether a ray meets anything: faster.
+    /// reach : float, optional
+    ///     How far rays go, in the model's units.
+    ///
+    /// Returns
+    /// -------
+    /// Hits
+    ///     Arrays with a row for each ray.
+    ///
+    /// Raises
+    /// ------
+    /// SelectionError
+    ///     If arrays have another shape, a number is not finite, a direction has no length, or the file has no proven errors and ``error`` is above 0; a ValueError, too.
+    /// DamagedError, FileError
+    ///     If the file is damaged, or was changed meanwhile.
+    #[pyo3(signature = (origins, directions, *, error=None, any=false, reach=None))]
+    fn cast(
+        &self,
+        py: Python<'_>,
+        origins: Rows<'_>,
+        directions: Rows<'_>,
+        error: Option<Amount>,
+        any: bool,
+        reach: Option<f64>,
+    ) -> PyResult<Hits> {
+        let model = self.model()?;
+        let origin = model.file.header().origin;
+        let rays = cast::rays(&origins, &directions, reach, origin)?;
+        let seek = if any { Seek::Any } else { Seek::Nearest };
+        Hits::new(py, cast::cast(py, &model, &rays, error.as_ref(), seek)?, any, origin)
     }
 
     /// The page of a cluster.

@@ -6,6 +6,7 @@
 
 mod asked;
 mod camera;
+mod cast;
 mod error;
 mod file;
 mod job;
@@ -24,6 +25,8 @@ use pyo3::prelude::*;
 mod _chpm {
     #[pymodule_export]
     use super::camera::Camera;
+    #[pymodule_export]
+    use super::cast::Hits;
     #[pymodule_export]
     use super::file::{File, Level};
     #[pymodule_export]

@@ -4,7 +4,7 @@ use crate::asked::{Amount, Asked};
 use crate::error::Failure;
 use crate::file::{File, Model};
 use crate::job::{self, Board};
-use crate::selection::{self, Selection};
+use crate::selection::{self, Further, Selection};
 use crate::settings::build_config;
 use chpm_build::{BuildConfig, BuildError};
 use chpm_extmem::{Cancel, WorkDir, same_file};
@@ -62,6 +62,18 @@ pub(crate) fn build(
     File::open(py, output)
 }
 
+fn level(asked: i64, is_within: bool) -> Result<u8, Failure> {
+    if !is_within {
+        return Err(Failure::Asked(
+            "effort: that is how long to look for a mesh within a distance; give within".to_owned(),
+        ));
+    }
+    match u8::try_from(asked) {
+        Ok(level @ 0..=3) => Ok(level),
+        _ => Err(Failure::Asked(format!("effort: 0 to 3 expected, got {asked}"))),
+    }
+}
+
 /// Builds in a folder of its own and takes one mesh out; ``chpm.simplify`` is what to call.
 #[pyfunction]
 pub(crate) fn simplify(
@@ -69,10 +81,14 @@ pub(crate) fn simplify(
     source: Source,
     within: Option<Amount>,
     triangles: Option<Amount>,
+    effort: Option<i64>,
     settings: &Bound<'_, PyDict>,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Selection> {
+    let effort = effort.map(|asked| level(asked, within.is_some())).transpose()?;
     let config = build_config(settings)?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(config.resources.threads).build();
+    let pool = pool.map_err(|error| Failure::Asked(format!("cannot start threads: {error}")))?;
     let asked = Asked { error: within, triangles, ..Asked::default() };
     let (selected, origin) = job::run(py, progress, |board, cancel| {
         let place = config.resources.work_dir.clone().unwrap_or_else(std::env::temp_dir);
@@ -81,7 +97,10 @@ pub(crate) fn simplify(
         let model = folder.path().join("model.chpm");
         source.build(&model, &config, board, cancel)?;
         let model = Model::open(model)?;
-        let selected = selection::select(&model, &asked)?;
+        let effort = chpm_reduce::level(effort, model.file.header().source_triangle_count);
+        let memory = config.resources.memory.0;
+        let further = Further { effort, memory, pool: &pool, progress: board, cancel };
+        let selected = selection::simplified(&model, &asked, &further)?;
         Ok((selected, model.file.header().origin))
     })?;
     let origin = crate::view::row(py, origin.to_vec());

@@ -4,10 +4,11 @@ use crate::asked::Asked;
 use crate::error::Failure;
 use crate::file::Model;
 use crate::view::{rows, values};
-use chpm_extmem::MappedFile;
+use chpm_extmem::{Cancel, MappedFile, Progress};
 use chpm_format::Chpm;
-use chpm_mesh::{Attributes, Scalar, TriMesh};
+use chpm_mesh::{Attributes, Bytes, Scalar, TriMesh};
 use chpm_refine::{Extraction, Shortfall};
+use chpm_verify::certify::{self, FOUND, Goal, Proven};
 use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -90,6 +91,74 @@ pub(crate) struct Selected {
 /// Selects, without holding Python up; stops where Ctrl-C was pressed.
 pub(crate) fn select(model: &Model, asked: &Asked) -> Result<Selected, Failure> {
     model.reading(|file| taken(file, &model.path, asked))
+}
+
+/// How long to look for a coarser mesh than is stored, and what that may use.
+pub(crate) struct Further<'a> {
+    /// That of ``--effort``.
+    pub(crate) effort: u8,
+    pub(crate) memory: u64,
+    pub(crate) pool: &'a rayon::ThreadPool,
+    pub(crate) progress: &'a dyn Progress,
+    pub(crate) cancel: &'a Cancel,
+}
+
+/// Selects a mesh within a distance, or a coarser one that is proven to be.
+pub(crate) fn simplified(model: &Model, asked: &Asked, further: &Further<'_>) -> Result<Selected, Failure> {
+    model.reading(|file| {
+        let request = asked.request(file)?;
+        let distance = request.distance(file, 0.0).filter(|_| further.effort > 0);
+        let Some(distance) = distance else { return taken(file, &model.path, asked) };
+        let (mut patience, source) = (Patience::new(), file.header().source_triangle_count);
+        let Further { effort, memory, pool, progress, cancel } = *further;
+
+        let tiles = memory.saturating_sub(FOUND * file.clusters().len() as u64);
+        let found = pool.install(|| certify::coarsest(file, distance, tiles, progress, cancel))?;
+        let (cut, mut proven) = match found {
+            Some(Proven { cut, distance }) => (cut, Some(distance)),
+            None => (request.cut(file, 0.0, KEPT, || patience.check())?, None),
+        };
+        let (mut coarser, mut lack) = (None, None);
+        if let Some(effort) = chpm_reduce::Effort::of(effort) {
+            match certify::room(memory, source, cut.triangle_count(file)?) {
+                Ok(tiles) => {
+                    let collapse = |goal: &Goal<'_>| {
+                        let source = (goal.source, goal.whole);
+                        let left = chpm_reduce::reduce(goal.mesh, source, goal.distance, effort, &|| {
+                            cancel.is_cancelled()
+                        });
+                        (left.vertices, left.triangles)
+                    };
+                    let look = || certify::further(file, (&cut, distance), tiles, progress, cancel, collapse);
+                    coarser = pool.install(look)?;
+                }
+                Err(missing) => {
+                    lack = Some(format!(
+                        "going on vertex by vertex would take {} more memory: effort 1 it is",
+                        Bytes(missing)
+                    ));
+                }
+            }
+        }
+
+        let mut extraction = Extraction::keeping(file, &cut, KEPT, || patience.check())?;
+        if let Some(certify::Further { mesh, distance }) = coarser {
+            (extraction, proven) = (extraction.replaced(mesh, distance), Some(distance));
+        }
+        let nearest = |stored: f32| proven.map_or(stored, |proven| proven.min(stored));
+        let distance = nearest(extraction.distance());
+        let describe =
+            |shortfall: Shortfall| shortfall.describe(model.path.display(), file.header().aabb().diagonal());
+        Ok(Selected {
+            mesh: mesh(&extraction, &mut patience)?,
+            carried: extraction.attributes(),
+            scalars: file.scalars().to_vec(),
+            error: nearest(extraction.error()),
+            distance: file.has_gaps().then_some(distance),
+            clusters: cut.members().len(),
+            shortfall: lack.or_else(|| request.shortfall(file, &cut, distance).map(describe)),
+        })
+    })
 }
 
 /// Bytes of what is known of clusters while they are chosen, and then of unpacked pages while a mesh is counted and copied.

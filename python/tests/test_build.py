@@ -283,7 +283,12 @@ def test_python_goes_on_while_something_is_built(tmp_path):
 
 def test_a_simplified_mesh_is_what_the_command_writes(source, tmp_path):
     points, faces, normals, colors = meshes.looks()
-    for asked, words in [({"within": "1%"}, ["--within", "1%", "--effort", "0"]), ({"triangles": 900}, ["--triangles", "900"])]:
+    sizes = []
+    for asked, words in [
+        ({"triangles": 900}, ["--triangles", "900"]),
+        *(({"within": "1%", "effort": n}, ["--within", "1%", "--effort", str(n)]) for n in range(4)),
+        ({"within": "1%"}, ["--within", "1%"]),
+    ]:
         conftest.run("simplify", source, *words, "-o", tmp_path / "small.ply", "-q", "--force")
         expected = meshes.read(tmp_path / "small.ply")
         for mesh in [
@@ -293,6 +298,13 @@ def test_a_simplified_mesh_is_what_the_command_writes(source, tmp_path):
             assert mesh.triangle_count == len(expected.faces) and mesh.vertex_count == len(expected.points)
             assert sorted(mesh.vertices.tolist()) == sorted(expected.points.tolist())
             assert np.isclose(mesh.distance, expected.distance, rtol=1e-3)
+        sizes.append(mesh.triangle_count)
+    # By proof there are fewer, vertex by vertex fewer still; nothing given is 2.
+    assert sizes[1] > sizes[2] > sizes[3] >= sizes[4] and sizes[5] == sizes[3]
+    with pytest.raises(chpm.SelectionError, match="0 to 3"):
+        chpm.simplify(source, within="1%", effort=4)
+    with pytest.raises(chpm.SelectionError, match="give within"):
+        chpm.simplify(source, triangles=900, effort=1)
     with pytest.raises(chpm.SelectionError):
         chpm.simplify(source)
     with pytest.raises(chpm.SelectionError):

@@ -15,7 +15,7 @@ import chpm
 import numpy as np
 from chpm import _chpm
 
-PUBLIC = [_chpm.Camera, _chpm.File, _chpm.Level, _chpm.Page, _chpm.Section, _chpm.Selection]
+PUBLIC = [_chpm.Camera, _chpm.File, _chpm.Hits, _chpm.Level, _chpm.Page, _chpm.Section, _chpm.Selection]
 
 
 def test_the_wheel_is_for_all_pythons():

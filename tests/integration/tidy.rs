@@ -189,6 +189,8 @@ fn the_python_package_has_the_same_crates() {
         "chpm-import",
         "chpm-measure",
         "chpm-mesh",
+        "chpm-rays",
+        "chpm-reduce",
         "chpm-refine",
         "chpm-section",
         "chpm-verify",

@@ -50,6 +50,27 @@ pub struct Effort {
     pub places: usize,
 }
 
+/// Pieces of triangles that are looked at in a minute, about.
+const MINUTE: u64 = 16_000_000;
+/// Triangles of a source up to which a mesh is taken further if nothing else is asked for.
+const FURTHER: u64 = 4_000_000;
+
+/// Level of `--effort`, from 0 to 3; if nothing is asked for, as far as a minute goes, about, and of a large source what is stored.
+pub fn level(asked: Option<u8>, triangles: u64) -> u8 {
+    asked.unwrap_or(if triangles <= FURTHER { 2 } else { 0 })
+}
+
+impl Effort {
+    /// Effort of a level; none where it asks for what is stored, or for what the proof of that gives.
+    pub fn of(level: u8) -> Option<Self> {
+        match level {
+            0 | 1 => None,
+            2 => Some(Effort { pieces: MINUTE, places: 3 }),
+            _ => Some(Effort { pieces: u64::MAX, places: 16 }),
+        }
+    }
+}
+
 /// A mesh that is left.
 #[derive(Clone, Debug, Default)]
 pub struct Reduced {
@@ -461,4 +482,16 @@ fn set(list: &mut Vec<u32>, numbers: impl Iterator<Item = u32>) {
     list.extend(numbers);
     list.sort_unstable();
     list.dedup();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn large_sources_are_not_taken_further_unless_that_is_asked_for() {
+        assert_eq!([level(None, FURTHER), level(None, FURTHER + 1)], [2, 0]);
+        assert_eq!([level(Some(3), u64::MAX), level(Some(0), 1)], [3, 0]);
+        assert!(Effort::of(1).is_none() && Effort::of(3).unwrap().pieces > Effort::of(2).unwrap().pieces);
+    }
 }

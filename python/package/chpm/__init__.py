@@ -15,7 +15,7 @@ from importlib.metadata import PackageNotFoundError as _NotInstalled
 from importlib.metadata import version as _version
 
 from ._build import build, simplify
-from ._chpm import Camera, File, Level, Page, Section, Selection
+from ._chpm import Camera, File, Hits, Level, Page, Section, Selection
 from ._errors import (
     BuildError,
     ClosedError,
@@ -39,6 +39,7 @@ __all__ = [
     "Error",
     "File",
     "FileError",
+    "Hits",
     "Level",
     "Measurement",
     "MissingFileError",

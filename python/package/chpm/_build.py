@@ -97,6 +97,7 @@ def simplify(
     *,
     within: float | str | None = None,
     triangles: float | str | None = None,
+    effort: int | None = None,
     progress: Progress | None = None,
     **settings: Any,
 ) -> Selection: ...
@@ -108,6 +109,7 @@ def simplify(
     *,
     within: float | str | None = None,
     triangles: float | str | None = None,
+    effort: int | None = None,
     progress: Progress | None = None,
     **settings: Any,
 ) -> Selection: ...
@@ -115,6 +117,7 @@ def simplify(
     *source: Any,
     within: float | str | None = None,
     triangles: float | str | None = None,
+    effort: int | None = None,
     progress: Progress | None = None,
     **settings: Any,
 ) -> Selection:
@@ -129,6 +132,10 @@ def simplify(
         diagonal of its box.
     triangles : int or str
         The finest mesh of at most so many triangles, as in ``20000`` or ``"20k"``, or of a share of the source's, as in ``"1%"``.
+    effort : int, optional
+        How long to look for a coarser mesh that is proven to be within ``within``, as the command's ``--effort``: 0, by the distances that were stored, at once; 1, also by proof: half of the
+        triangles may be left, ten seconds for a million of the source, about; 2, vertex by vertex from there on: a quarter may be left, a minute more at most, about; 3, as 2 without end, and five
+        times as many places are tried for each vertex. If not given, 2, and 0 of more than 4 million triangles. Where ``memory`` is too little for 2 or 3, it is 1, and ``shortfall`` says so.
     progress : callable, optional
         As :func:`build` has it.
     **settings
@@ -152,7 +159,7 @@ def simplify(
     if faces is None and not isinstance(source[0], (str, os.PathLike)):
         raise TypeError("vertices without faces: give both")
     with _opened(source[0], faces, settings, settings.get("work_dir"), "arrays") as opened:
-        return _chpm.simplify(opened, within, triangles, settings, progress)
+        return _chpm.simplify(opened, within, triangles, effort, settings, progress)
 
 
 @contextlib.contextmanager

@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import Any, final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 @final
 class Camera:
@@ -92,6 +92,26 @@ class Section:
     def length(self) -> float: ...
     @property
     def open_ends(self) -> int: ...
+
+@final
+class Hits:
+    def __len__(self) -> int: ...
+    @property
+    def hit(self) -> NDArray[np.bool_]: ...
+    @property
+    def distance(self) -> NDArray[np.float64]: ...
+    @property
+    def points(self) -> NDArray[np.float64]: ...
+    @property
+    def normals(self) -> NDArray[np.float64]: ...
+    @property
+    def clusters(self) -> NDArray[np.int64]: ...
+    @property
+    def triangles(self) -> NDArray[np.int64]: ...
+    @property
+    def least(self) -> NDArray[np.float64] | None: ...
+    @property
+    def within(self) -> float | None: ...
 
 @final
 class Page:
@@ -200,6 +220,15 @@ class File:
         strict: bool = False,
     ) -> Selection: ...
     def section(self, plane: Sequence[float], *, error: float | str | None = None) -> Section: ...
+    def cast(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        *,
+        error: float | str | None = None,
+        any: bool = False,
+        reach: float | None = None,
+    ) -> Hits: ...
     def page(self, cluster: int) -> Page: ...
     def pages(self, *, level: int | None = None) -> Iterator[Page]: ...
 
@@ -213,6 +242,7 @@ def simplify(
     source: str | os.PathLike[str] | tuple[int, str],
     within: float | str | None,
     triangles: float | str | None,
+    effort: int | None,
     settings: dict[str, Any],
     progress: Callable[[str, int, int], Any] | None,
 ) -> Selection: ...

@@ -10,12 +10,21 @@ use chpm_mesh::{Aabb, Level, TriMesh, Vertices};
 use chpm_refine::{Cut, extract};
 
 /// Bytes that a triangle of the source takes meanwhile, about: itself, its vertices, and the faces that it is near to.
-pub const SOURCE_BYTES: u64 = 96;
+const SOURCE_BYTES: u64 = 96;
 /// Bytes that a triangle of the cut takes, about: its vertices, quadrics, faces about each, and places in the queue.
-pub const CUT_BYTES: u64 = 256;
+const CUT_BYTES: u64 = 256;
 
 /// Triangles in a tile.
 const TILE: usize = 4096;
+
+/// Bytes of `free` that are left beside a source and a cut of so many triangles.
+///
+/// # Errors
+/// How many are missing.
+pub fn room(free: u64, source: u64, cut: u64) -> Result<u64, u64> {
+    let takes = SOURCE_BYTES.saturating_mul(source).saturating_add(CUT_BYTES.saturating_mul(cut));
+    free.checked_sub(takes).ok_or_else(|| takes - free)
+}
 
 /// Surfaces and distance that whoever takes a cut further has to keep to.
 pub struct Goal<'a> {
@@ -103,5 +112,19 @@ impl Certifier<'_> {
         let boxes = (0..parts.len()).map(|index| Aabb::of_points(&part(index).positions)).collect();
         let drawn = Tiles::new(boxes, self.budget, part);
         self.reach_both(parts.len(), part, &drawn, limit)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_does_not_fit_is_not_begun() {
+        let (source, cut) = (1_000_000, 1_000);
+        let takes = SOURCE_BYTES * source + CUT_BYTES * cut;
+        assert_eq!(room(takes + 5, source, cut), Ok(5));
+        assert_eq!(room(takes - 5, source, cut), Err(5));
+        assert!(room(u64::MAX - 1, u64::MAX, cut).is_err());
     }
 }

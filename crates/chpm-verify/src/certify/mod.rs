@@ -16,7 +16,7 @@ mod further;
 
 pub use coarsest::{Proven, coarsest};
 pub use faults::faults;
-pub use further::{CUT_BYTES, Further, Goal, SOURCE_BYTES, further};
+pub use further::{Further, Goal, further, room};
 
 use crate::cuts;
 use crate::deviation::{at_position, finest, source_tiles};
