@@ -182,6 +182,8 @@ enum TextureArg {
     None,
     /// Their texels are averaged into the colours of vertices
     Vertices,
+    /// That, and each cluster has a sheet, an image of its surface: for extract --texture-size
+    Sheets,
 }
 
 /// [`MissingImages`].
@@ -280,6 +282,7 @@ impl SettingsArgs {
                 None => Texture::Found,
                 Some(TextureArg::None) => Texture::None,
                 Some(TextureArg::Vertices) => Texture::Vertices,
+                Some(TextureArg::Sheets) => Texture::Sheets,
             },
             missing_images: match settings.missing_images {
                 MissingArg::Grey => MissingImages::Grey,
@@ -427,7 +430,7 @@ mod tests {
             ["--min-component=nan"],
             ["--checkpoint=-1"],
             ["--order=fastest"],
-            ["--texture=sheets"],
+            ["--texture=paper"],
             ["--positions=lattice:25"],
         ] {
             assert!(Build::try_parse_from(["build"].iter().chain(&bad)).is_err(), "{bad:?}");

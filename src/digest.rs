@@ -4,7 +4,7 @@ use crate::escape::in_line;
 use crate::number::{Short, Units};
 use crate::report::{self, LevelRow, per_triangle};
 use chpm_extmem::MappedFile;
-use chpm_format::{Chpm, Metadata};
+use chpm_format::{Chpm, Metadata, SheetRecord};
 use chpm_mesh::{Bytes, Counted, Scalar, ScalarRange};
 pub(crate) use chpm_report::digest::{Sizes, boundary, error_kind, max_distance, normals_from};
 use chpm_report::digest::{drawables, praise, remarks};
@@ -48,6 +48,16 @@ pub(crate) fn print(
         Bytes(sizes.padding),
         Bytes(sizes.tables),
     )?;
+    if sizes.sheets > 0 {
+        let texels = |sheet: &SheetRecord| u64::from(sheet.size[0]) * u64::from(sheet.size[1]);
+        let largest = file.sheets().iter().flat_map(|sheet| sheet.size).max().unwrap_or(0);
+        writeln!(
+            out,
+            "sheets     {} in images of up to {largest}, {}; extract --texture-size has them, all else colours of vertices",
+            Short(file.sheets().iter().map(texels).sum()).of("texel"),
+            Bytes(sizes.sheets),
+        )?;
+    }
     let specks = file.remnants().len() as u64;
     writeln!(
         out,

@@ -1,5 +1,7 @@
 //! One mesh as a file of another program: which format, and how it is streamed.
 
+mod textured;
+
 use crate::escape::in_line;
 use crate::frame::Frame;
 use crate::json::{self, made, named};
@@ -19,6 +21,7 @@ use chpm_mesh::{Aabb, Counted, Scalar, VertexSlices, geom};
 use chpm_refine::{Extraction, Up};
 use serde_json::Map;
 use std::path::{Path, PathBuf};
+pub(crate) use textured::memory as textured_memory;
 
 /// Bytes that choosing a cut takes for each cluster.
 const SELECTION: u64 = 256;
@@ -240,6 +243,11 @@ impl MeshFile<'_> {
             MeshFormat::Glb => !self.args.meshopt || triangles == 0,
             MeshFormat::Stl | MeshFormat::Obj => false,
         }
+    }
+
+    /// Whether it is a GLB.
+    pub(crate) fn is_glb(&self) -> bool {
+        self.format == MeshFormat::Glb
     }
 
     /// By how much writing moves vertices of this file at most.

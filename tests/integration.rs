@@ -85,6 +85,8 @@ mod integration {
     /// Only what a scene needs: finest and coarsest errors, and what costs nothing.
     mod scene;
     mod section;
+    /// Images of clusters.
+    mod sheets;
     /// A build that is told to stop leaves nothing.
     mod signals;
     /// Dust that is left out of what is built, and of what it is compared with.

@@ -67,7 +67,7 @@ pub(crate) fn need(
 /// Whether a file has these settings. That its colours are those of images is up to its source, where they are read.
 fn is_of(built: &[(String, String)], settings: &Settings) -> bool {
     let reads_images = settings.images() != Images::Ignored;
-    let is_textured = |entry: &(String, String)| [&entry.0, &entry.1] == Settings::TEXTURE;
+    let is_textured = |entry: &(String, String)| [&entry.0, &entry.1] == settings.of_images();
     built.iter().filter(|entry| !(reads_images && is_textured(entry))).eq(&settings.describe())
 }
 

@@ -12,7 +12,7 @@ use crate::stop::{self, Stop};
 use crate::threads::ThreadArgs;
 use crate::tight;
 use crate::view::{self, ImageArgs};
-use anyhow::{Context, Error, Result};
+use anyhow::{Context, Error, Result, ensure};
 use chpm_build::config::Length;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
@@ -50,6 +50,10 @@ pub(crate) struct Args {
     threads: ThreadArgs,
     #[command(flatten)]
     mesh: MeshArgs,
+    /// Write the sheets of a file that has them, in images of N texels a side, as many as it takes: into a GLB, and colours of vertices not
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(256..=16384),
+          conflicts_with_all = ["tight", "effort", "up", "local_origin", "meshopt", "order"])]
+    texture_size: Option<u32>,
     /// Exit with 1 where the file gives less than was asked for; it is a warning if not given
     #[arg(long)]
     strict: bool,
@@ -96,6 +100,11 @@ fn take(file: &Chpm<MappedFile>, args: &Args, free: u64, stop: &Stop) -> Result<
     // Created before the selection, which may take a while: a place that cannot be written is told at once.
     let target = args.mesh.create("extract", &[&args.file])?;
     let mut out = output::messages([&target.output], args.json, args.quiet)?;
+    if args.texture_size.is_some() {
+        ensure!(target.is_glb(), "--texture-size is for GLB; choose a name with .glb");
+        let remedy = "build it with --texture sheets from a source with images";
+        ensure!(file.header().has_sheets(), "'{}' has no sheets; {remedy}", args.file.display());
+    }
     let request = request(file, args)?;
     let lacks = || format!("'{}' does not have that", args.file.display());
     let (meter, rounding) = (Meter::new(args.quiet), target.rounding(file));
@@ -116,8 +125,9 @@ fn take(file: &Chpm<MappedFile>, args: &Args, free: u64, stop: &Stop) -> Result<
         Some(Further { mesh: coarser, distance }) => (mesh.replaced(coarser, distance), Some(distance)),
         None => (mesh, proven),
     };
-    // What its order takes is known only now.
-    let bytes = args.mesh.memory("extract", file)? + args.mesh.order_memory(&mesh);
+    // What its order, or its images, take is known only now.
+    let images = args.texture_size.map_or(0, |side| mesh_file::textured_memory(side, mesh.triangle_count()));
+    let bytes = args.mesh.memory("extract", file)? + args.mesh.order_memory(&mesh) + images;
     memory::divide(file, args.memory.memory(), bytes)?;
     let ready = Ready::new(target, file, &mesh, proven, &cancel)?;
     let (bounds, upright) = (ready.bounds, ready.upright.clone());
@@ -132,7 +142,10 @@ fn take(file: &Chpm<MappedFile>, args: &Args, free: u64, stop: &Stop) -> Result<
         warnings: warnings.clone(),
         mesh: ready.json(),
     };
-    ready.write(file, &meter, &cancel)?;
+    match args.texture_size {
+        Some(side) => ready.write_textured(file, &cut, side, &meter, &cancel).map(|_| ())?,
+        None => ready.write(file, &meter, &cancel)?,
+    }
     if args.json {
         json::print(&extract, &mut out)?;
     } else {

@@ -126,6 +126,7 @@ fn write(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<u64> {
     tables.reorder(&ids);
 
     let out = AtomicFile::create(&args.output, args.force)?;
+    write_sheets(file, &ids, &tables, &out)?;
     let align = if tables.header.packed { chpm_format::PACKED_ALIGN } else { chpm_format::PAGE_ALIGN };
     let mut offset = tables.first_page_offset()?;
     meter.start("relayout", ids.len() as u64);
@@ -148,6 +149,17 @@ fn write(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<u64> {
     out.write_all_at(&head, 0)?;
     out.publish()?;
     Ok(tables.file_len()?)
+}
+
+/// Writes the sheets of the clusters, which no order of pages changes.
+fn write_sheets(file: &Chpm<MappedFile>, ids: &[ClusterId], tables: &Tables, out: &AtomicFile) -> Result<()> {
+    let first = tables.first_sheet_offset()?;
+    for (id, record) in ids.iter().zip(&tables.sheets) {
+        // One that is damaged is told, and not copied.
+        file.sheet(*id)?;
+        out.write_all_at(file.sheet_bytes(*id).unwrap_or_default(), first + record.offset)?;
+    }
+    Ok(())
 }
 
 /// The clusters in the order that their pages are to have, the roots first in any.

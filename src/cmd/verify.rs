@@ -12,7 +12,7 @@ use crate::threads::ThreadArgs;
 use anyhow::Result;
 use chpm_extmem::{Access, MappedFile};
 use chpm_format::Chpm;
-use chpm_format::same::{self, Differences};
+use chpm_format::same::{self, Differences, Extent};
 use chpm_mesh::Counted;
 use chpm_verify::{Checks, Verification};
 use std::io::Write;
@@ -30,6 +30,9 @@ pub(crate) struct Args {
     /// are, and how pages are stored, may differ
     #[arg(long, value_name = "FILE")]
     same_as: Option<PathBuf>,
+    /// Compare with --same-as positions, triangles, collapses, errors and groups alone, whatever vertices have besides and whatever images show
+    #[arg(long, requires = "same_as")]
+    geometry: bool,
     /// Draw N cuts and look for cracks, I7. Half of them are random legal cuts of every depth, half what random cameras
     /// select. All borders of every cut are looked at, cluster by cluster and on all processors: both sides must have the same
     /// vertices and edges. What is open, or lies at the same place, in the source is no crack
@@ -107,7 +110,8 @@ fn look(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verificatio
     let mut found =
         chpm_verify::verify(file, &checks, args.storage.memory(), &scratch, &meter, &stop.heed())?;
     if let Some(other) = args.same_as.as_deref().filter(|_| found.is_readable(file)) {
-        let differences = same(file, other, &meter)?;
+        let extent = if args.geometry { Extent::Geometry } else { Extent::All };
+        let differences = same(file, other, extent, &meter)?;
         let other = other.display();
         let told = differences.told.iter().map(|told| format!("I9 not the same as '{other}': {told}"));
         found.add(&told.collect::<Vec<_>>(), differences.count);
@@ -116,11 +120,11 @@ fn look(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verificatio
 }
 
 /// Differences from another file.
-fn same(file: &Chpm<MappedFile>, other: &Path, meter: &Meter) -> Result<Differences> {
+fn same(file: &Chpm<MappedFile>, other: &Path, extent: Extent, meter: &Meter) -> Result<Differences> {
     let other = open(other)?;
     let clusters = file.clusters().len() + other.clusters().len();
     meter.start("compare", clusters as u64);
-    let differences = reading(&other, || Ok(same::compare(file, &other, || meter.add(1))?));
+    let differences = reading(&other, || Ok(same::compare_to(extent, file, &other, || meter.add(1))?));
     meter.finish();
     differences
 }
@@ -146,7 +150,8 @@ fn print(args: &Args, findings: &Verification, out: &mut impl Write) -> std::io:
         writeln!(out, "{path}: sound; {pages} with {triangles} checked")?;
     }
     if let Some(other) = &args.same_as {
-        writeln!(out, "{path}: holds the same as {}", other.display())?;
+        let what = if args.geometry { "has the geometry of" } else { "holds the same as" };
+        writeln!(out, "{path}: {what} {}", other.display())?;
     }
     if let (Some(compared), Some(source)) = (&findings.compared, &args.against) {
         let triangles = Counted(compared.leaf_triangles, "triangle");

@@ -213,7 +213,7 @@ fn is_current(source: &Path, output: &Path, cancel: &Cancel) -> Option<bool> {
 fn is_built_from(source: &Path, output: &Path, cancel: &Cancel) -> Result<bool> {
     let Metadata { source: from, settings, .. } = open(output)?.metadata()?;
     // A file without colours of images was built without them.
-    let is_textured = settings.iter().any(|entry| [&entry.0, &entry.1] == Settings::TEXTURE);
+    let is_textured = settings.iter().any(|(name, _)| name == Settings::TEXTURE[0]);
     let images = if is_textured { Images::Grey } else { Images::Ignored };
     Ok((from.byte_len, from.hash) == input::fingerprint(&input::files(source, images, cancel)?, cancel)?)
 }

@@ -125,6 +125,7 @@ pub(super) fn leaf_with(mesh: &TriMesh, targets: &[u16], errors: &[f32], gaps: G
         levels: vec![LevelRecord::default()],
         scalars: Vec::new(),
         remnants: Vec::new(),
+        sheets: Vec::new(),
         metadata: Metadata::default(),
     };
     let mut writer = ChpmWriter::begin(Vec::new(), &mut tables).expect("a head");

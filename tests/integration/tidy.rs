@@ -11,7 +11,7 @@ const EDGES: [(&str, &[&str]); 21] = [
     ("chpm-mesh", &[]),
     ("chpm-extmem", &[]),
     ("chpm-image", &[]),
-    ("chpm-texture", &["chpm-extmem", "chpm-image"]),
+    ("chpm-texture", &["chpm-extmem", "chpm-image", "chpm-mesh"]),
     ("chpm-partition", &["chpm-extmem"]),
     ("chpm-import", &["chpm-mesh", "chpm-extmem", "chpm-texture"]),
     ("chpm-synth", &["chpm-mesh"]),
@@ -34,6 +34,7 @@ const EDGES: [(&str, &[&str]); 21] = [
             "chpm-partition",
             "chpm-qem",
             "chpm-format",
+            "chpm-image",
             "chpm-texture",
         ],
     ),
@@ -46,7 +47,7 @@ const EDGES: [(&str, &[&str]); 21] = [
 ];
 
 /// The modules of chpm-build: each may use those before it.
-const LAYERS: [&str; 26] = [
+const LAYERS: [&str; 27] = [
     "trace",
     "progress",
     "report",
@@ -68,6 +69,7 @@ const LAYERS: [&str; 26] = [
     "triangle_order",
     "simplify",
     "trim",
+    "sheets",
     "layout",
     "emit",
     "checkpoint",

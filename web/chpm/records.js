@@ -8,12 +8,14 @@ export const CLUSTERS = 1;
 export const GROUPS = 2;
 export const MEMBERS = 3;
 export const SCALARS = 7;
+export const TEXTURES = 8;
+export const TEXELS = 9;
 export const CHUNKS = 0x80000001;
 
 const HEADER_LEN = 256;
 const ENTRY_LEN = 40;
 const MAX_SECTIONS = 64;
-const KINDS = { 1: 128, 2: 64, 3: 4, 4: 128, 5: 0, 6: 0, 7: 0 };
+const KINDS = { 1: 128, 2: 64, 3: 4, 4: 128, 5: 0, 6: 0, 7: 0, 8: 64, 9: 0 };
 /** Types of scalars, by their numbers less one. */
 const SCALAR_TYPES = ["int8", "uint8", "int16", "uint16", "int32", "uint32", "float32", "float64"];
 const MAGIC = [0x89, 0x43, 0x48, 0x50, 0x4d, 0x0d, 0x0a, 0x1a];
@@ -21,6 +23,8 @@ const MAGIC = [0x89, 0x43, 0x48, 0x50, 0x4d, 0x0d, 0x0a, 0x1a];
 const PACKED = 1;
 const OCTAHEDRAL = 2;
 const SCALARS_FLAG = 4;
+/** Images of surfaces, which this reader does not draw: vertices have their mean colours. */
+const SHEETS = 8;
 
 export function expect(is, message) {
   if (!is) throw new ChpmError(message());
@@ -50,11 +54,12 @@ export function readHeader(bytes, xxh3) {
   const sum = view.getBigUint64(248, true);
   expect(xxh3(bytes.subarray(0, 248)) === sum, () => "the header is damaged: its checksum is another one");
   const required = view.getUint32(16, true);
-  expect((required & ~(PACKED | OCTAHEDRAL | SCALARS_FLAG)) === 0, () => `the file uses features that this reader does not know (${required})`);
+  expect((required & ~(PACKED | OCTAHEDRAL | SCALARS_FLAG | SHEETS)) === 0, () => `the file uses features that this reader does not know (${required})`);
 
   const header = {
     versionMinor: view.getUint16(10, true),
     isPacked: (required & PACKED) !== 0,
+    hasSheets: (required & SHEETS) !== 0,
     fileLength: u64(view, 24),
     sectionCount: view.getUint32(32, true),
     pageAlign: view.getUint32(40, true),
@@ -122,8 +127,9 @@ export function readSections(header, bytes, xxh3) {
     sections.set(kind, section);
   }
   for (const kind in KINDS) {
-    const isNeeded = Number(kind) !== SCALARS || header.scalarWords > 0;
-    expect(sections.has(Number(kind)) === isNeeded, () => `section kind ${kind} is ${isNeeded ? "missing" : "there without scalars"}`);
+    const isOfSheets = Number(kind) === TEXTURES || Number(kind) === TEXELS;
+    const isNeeded = isOfSheets ? header.hasSheets : Number(kind) !== SCALARS || header.scalarWords > 0;
+    expect(sections.has(Number(kind)) === isNeeded, () => `section kind ${kind} is ${isNeeded ? "missing" : "there without what it is of"}`);
   }
   const counts = [[CLUSTERS, header.clusterCount], [GROUPS, header.groupCount]];
   for (const [kind, count] of counts) {

@@ -151,6 +151,8 @@ pub enum Texture {
     None,
     /// Their texels are averaged into the colours of vertices.
     Vertices,
+    /// That, and each cluster has a sheet: an image of its surface.
+    Sheets,
 }
 
 /// Treatment of images that are not there, or of no kind that is read.
@@ -255,6 +257,13 @@ fn length_text(length: Option<Length>) -> String {
 impl Settings {
     /// The setting by which a file says that its colours are those of images.
     pub const TEXTURE: [&str; 2] = ["texture", "vertices"];
+    /// The same, where clusters have sheets, too.
+    pub const SHEETS: [&str; 2] = ["texture", "sheets"];
+
+    /// The setting by which a file with colours of images says so.
+    pub fn of_images(&self) -> [&'static str; 2] {
+        if self.texture == Texture::Sheets { Self::SHEETS } else { Self::TEXTURE }
+    }
 
     /// Which images of a source are read.
     pub fn images(&self) -> Images {
@@ -263,8 +272,19 @@ impl Settings {
             (Texture::None, _) => Images::Ignored,
             (_, MissingImages::Refuse) => Images::Required,
             (Texture::Found, _) => Images::IfAny,
-            (Texture::Vertices, _) => Images::Grey,
+            (Texture::Vertices | Texture::Sheets, _) => Images::Grey,
         }
+    }
+
+    /// A setting, as the command has it, that clusters can have no sheets with; none if they can.
+    pub(crate) fn without_sheets(&self) -> Option<&'static str> {
+        [
+            (self.min_component.is_some(), "--min-component"),
+            (self.finest_error.is_some(), "--finest-error"),
+            (self.layout == Layout::CacheOblivious, "--order cache-oblivious"),
+        ]
+        .into_iter()
+        .find_map(|(is_set, name)| (is_set && self.texture == Texture::Sheets).then_some(name))
     }
 
     /// Names and values as they are stored in the file and printed by `chpm info`. That colours are those of images depends on the source, and

@@ -8,6 +8,7 @@ use crate::fingerprint::GENERATOR;
 use crate::hierarchy::Tree;
 use crate::ingest::{self, Source, SourceFacts};
 use crate::report::{LevelReport, Repairs};
+use crate::sheets::Sheets;
 use crate::simplify::Clusters;
 use crate::trim::Built;
 use chpm_extmem::AtomicFile;
@@ -84,12 +85,13 @@ pub(crate) struct Output<'a> {
 }
 
 impl<'a> Output<'a> {
-    /// Places the pages of the nodes in `order`.
+    /// Places the pages of the nodes in `order`, and writes their sheets.
     pub(crate) fn begin(
         out: AtomicFile,
         order: &'a [u32],
         built: &'a Built,
         known: &Known,
+        sheets: Option<&Sheets>,
         settings: &Settings,
     ) -> Result<Self, BuildError> {
         let Built { tree, clusters, trimmed } = built;
@@ -123,10 +125,19 @@ impl<'a> Output<'a> {
             scalars: facts.scalars.clone(),
             // Their number alone is known.
             remnants: vec![Remnant::default(); remnants],
+            sheets: sheets
+                .map_or_else(Vec::new, |sheets| order.iter().map(|node| sheets.record(*node)).collect()),
         };
 
         let len = tables.assign_offsets()?;
         out.set_len(len)?;
+        if let Some(sheets) = sheets {
+            let (first, mut bytes) = (tables.first_sheet_offset()?, Vec::new());
+            for (node, record) in order.iter().zip(&tables.sheets) {
+                sheets.read(*node, &mut bytes)?;
+                out.write_all_at(&bytes, first + record.offset)?;
+            }
+        }
         Ok(Output { out, tables, order, tree, len })
     }
 
@@ -175,11 +186,12 @@ impl<'a> Output<'a> {
 }
 
 /// The provenance section.
-fn metadata(known: &Known, settings: &Settings) -> Metadata {
+fn metadata(known: &Known, asked: &Settings) -> Metadata {
     let Known { facts, repairs } = known;
-    let mut settings = settings.describe();
+    let mut settings = asked.describe();
     settings.extend(facts.lattice_step.map(|step| (LATTICE_STEP.to_owned(), step.to_string())));
-    settings.extend(facts.images.map(|_| Settings::TEXTURE.map(str::to_owned).into()));
+    let texture = asked.of_images();
+    settings.extend(facts.images.map(|_| texture.map(str::to_owned).into()));
     Metadata {
         generator: GENERATOR.to_owned(),
         source: facts.provenance.clone(),

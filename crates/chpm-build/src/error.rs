@@ -29,6 +29,14 @@ pub enum BuildError {
         /// Cause.
         reason: String,
     },
+    /// Sheets do not go with a setting.
+    #[error(
+        "--texture sheets does not go with {setting} yet; leave one of the two out, or take --texture vertices"
+    )]
+    NoSheets {
+        /// The other one, as the command has it.
+        setting: &'static str,
+    },
     /// The source has no triangle that could be built.
     #[error("{path}: {}: nothing was written", nothing(*faces))]
     Empty {

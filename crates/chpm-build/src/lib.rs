@@ -25,6 +25,7 @@ mod pipeline;
 pub mod progress;
 mod range;
 pub mod report;
+mod sheets;
 mod simplify;
 pub mod stage;
 mod trace;

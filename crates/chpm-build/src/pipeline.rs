@@ -8,7 +8,7 @@ use crate::error::BuildError;
 use crate::fingerprint::Fingerprint;
 use crate::progress::{BuildProgress, Stage};
 use crate::report::BuildReport;
-use crate::{allowance, decompose, emit, hierarchy, ingest, layout, simplify, trim};
+use crate::{allowance, decompose, emit, hierarchy, ingest, layout, sheets, simplify, trim};
 use chpm_extmem::{AtomicFile, Cancel, ExtmemError, Lock, Store, WorkDir, process};
 use chpm_import::Supply;
 use chpm_mesh::Counted;
@@ -59,6 +59,7 @@ fn make(
     cancel: &Cancel,
     take: impl FnOnce(&Path) -> Result<Supply, BuildError>,
 ) -> Result<BuildReport, BuildError> {
+    sheets::check(&config.settings)?;
     // Lock, partial file and work belong to the file that is written, by whatever link it is named.
     let output = &chpm_extmem::target(output, config.overwrite)?;
     let _lock = Lock::acquire(output)?;
@@ -140,11 +141,16 @@ fn run(
         })
     })?;
 
-    let (known, built) = work.finish();
+    let (known, painted, built) = work.finish();
+    let nodes = built.clusters.refs.iter().flatten().count() as u64;
+    let sheets = painted
+        .map(|painted| context.stage(Stage::Sheets, nodes, || sheets::run(&built, &painted, context)))
+        .transpose()?;
     let order = layout::order(&built, settings);
     let remnants = simplify::REMNANT_BYTES * built.clusters.remnant_count() as u64;
     let _remnants = context.store.budget.reserve_work("remnants", remnants)?;
-    let file = emit::Output::begin(out, &order, &built, &known, settings)?;
+    let file = emit::Output::begin(out, &order, &built, &known, sheets.as_ref(), settings)?;
+    drop(sheets);
     let records = context.stage(Stage::Layout, order.len() as u64, || {
         layout::run(&order, &built, settings, context, |place, page: &[u8]| file.write_page(place, page))
     })?;

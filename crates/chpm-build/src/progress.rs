@@ -14,6 +14,8 @@ pub enum Stage {
     Hierarchy,
     /// Progressive meshes, level by level from the leaves.
     Simplify,
+    /// Images of clusters, where they have any.
+    Sheets,
     /// Order of clusters in the file, of vertices and triangles in a cluster.
     Layout,
     /// The file.
@@ -21,9 +23,16 @@ pub enum Stage {
 }
 
 impl Stage {
-    /// All stages in order.
-    pub const ALL: [Stage; 6] =
-        [Stage::Ingest, Stage::Decompose, Stage::Hierarchy, Stage::Simplify, Stage::Layout, Stage::Emit];
+    /// All stages in order. A build without sheets passes over theirs.
+    pub const ALL: [Stage; 7] = [
+        Stage::Ingest,
+        Stage::Decompose,
+        Stage::Hierarchy,
+        Stage::Simplify,
+        Stage::Sheets,
+        Stage::Layout,
+        Stage::Emit,
+    ];
 
     /// Its name.
     pub fn name(self) -> &'static str {
@@ -32,6 +41,7 @@ impl Stage {
             Stage::Decompose => "decompose",
             Stage::Hierarchy => "hierarchy",
             Stage::Simplify => "simplify",
+            Stage::Sheets => "sheets",
             Stage::Layout => "layout",
             Stage::Emit => "emit",
         }

@@ -23,7 +23,7 @@ impl Placement {
     pub const HERE: Placement = Placement { origin: [0.0; 3], turn: Turn::NONE };
 
     /// A node without a mesh.
-    fn node(&self) -> Value {
+    pub(crate) fn node(&self) -> Value {
         let is_moved = self.origin != [0.0; 3];
         if self.turn == Turn::NONE {
             return if is_moved { json!({ "translation": self.origin }) } else { json!({}) };
@@ -89,7 +89,12 @@ pub(crate) fn padded(len: u64) -> u64 {
 pub(crate) fn front(facts: &Facts, attributes: Attributes, parts: &[Part]) -> Result<Vec<u8>, ExportError> {
     let stride = Stride::of(attributes, facts.scalars.len());
     let body: u64 = parts.iter().flat_map(|part| part.stored(stride)).map(padded).sum();
-    let mut text = root(facts, stride, parts, body).to_string().into_bytes();
+    framed(&root(facts, stride, parts, body), body)
+}
+
+/// The JSON, and all that stands about it in front of a body of so many bytes.
+pub(crate) fn framed(root: &Value, body: u64) -> Result<Vec<u8>, ExportError> {
+    let mut text = root.to_string().into_bytes();
     text.resize(padded(text.len() as u64) as usize, b' ');
 
     let chunk = if body > 0 { 8 + body } else { 0 };

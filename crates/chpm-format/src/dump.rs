@@ -6,7 +6,8 @@ use crate::page::Page;
 use crate::reader::Chpm;
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord, REFUSALS};
 use crate::remnant::Remnant;
-use chpm_mesh::{ClusterId, GroupId, Scalar, ScalarKind, ScalarRange, scalar_places};
+use crate::sheet::{SheetLayout, SheetRecord};
+use chpm_mesh::{Chart, ClusterId, GroupId, Scalar, ScalarKind, ScalarRange, scalar_places};
 use std::io::Write;
 
 /// Writes the header, the tables and the metadata as text, one record a line, and with `pages` the content of every
@@ -33,6 +34,7 @@ pub fn dump<D: AsRef<[u8]>>(file: &Chpm<D>, out: &mut impl Write, pages: bool) -
             }
         } else {
             dump_cluster(id, record, out)?;
+            file.sheets().get(id.index()).map_or(Ok(()), |sheet| dump_sheet(sheet, out))?;
         }
     }
     damage
@@ -51,13 +53,41 @@ pub fn cluster<D: AsRef<[u8]>>(
     out: &mut impl Write,
 ) -> Result<(), FormatError> {
     dump_cluster(id, &file.clusters()[id.index()], out)?;
-    match file.page(id) {
+    let page = match file.page(id) {
         Ok(page) => dump_page(&page.view(), file.scalars(), out),
         Err(error) => {
             writeln!(out, "  unreadable {error}")?;
             Err(error)
         }
+    };
+    let Some(record) = file.sheets().get(id.index()) else { return page };
+    dump_sheet(record, out)?;
+    match file.sheet(id) {
+        Ok(sheet) => sheet.map_or(Ok(()), |sheet| dump_layout(&sheet.layout, out))?,
+        Err(error) => {
+            writeln!(out, "  unreadable {error}")?;
+            return page.and(Err(error));
+        }
     }
+    page
+}
+
+fn dump_sheet(record: &SheetRecord, out: &mut impl Write) -> Result<(), FormatError> {
+    let SheetRecord { cluster, chart_count, offset, layout_len, image_len, size, .. } = record;
+    let codec = record.codec().map_or_else(|| record.codec.to_string(), |codec| codec.to_string());
+    write!(out, "sheet of {} {} x {} {codec} charts {chart_count}", ClusterId(*cluster), size[0], size[1])?;
+    write!(out, " texel {:?} at {offset} layout {layout_len} image {image_len}", record.texel)?;
+    writeln!(out, " checksum {:016x}", record.checksum)?;
+    Ok(())
+}
+
+fn dump_layout(layout: &SheetLayout, out: &mut impl Write) -> Result<(), FormatError> {
+    writeln!(out, "  charts from {:?}", layout.origin)?;
+    for (at, Chart { axes, offset, rect }) in layout.charts.iter().enumerate() {
+        writeln!(out, "  chart {at} axes {axes:?} offset {offset:?} rect {rect:?}")?;
+    }
+    writeln!(out, "  charts of triangles {:?}", layout.chart_of)?;
+    Ok(())
 }
 
 fn header<D: AsRef<[u8]>>(file: &Chpm<D>, out: &mut impl Write) -> Result<(), FormatError> {

@@ -24,6 +24,8 @@ pub enum FilePart {
     Level(u32),
     /// A cluster's page; [`ClusterId::NONE`] for a page that was parsed by itself.
     Page(ClusterId),
+    /// A cluster's sheet.
+    Sheet(ClusterId),
 }
 
 impl Display for FilePart {
@@ -38,6 +40,7 @@ impl Display for FilePart {
             FilePart::Level(level) => write!(f, "level {level}"),
             FilePart::Page(id) if id.is_some() => write!(f, "page of {id}"),
             FilePart::Page(_) => f.write_str("page"),
+            FilePart::Sheet(id) => write!(f, "sheet of {id}"),
         }
     }
 }

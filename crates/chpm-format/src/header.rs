@@ -12,13 +12,15 @@ pub const MAGIC: [u8; 8] = [0x89, b'C', b'H', b'P', b'M', 0x0d, 0x0a, 0x1a];
 /// Major version that this crate reads and writes.
 pub const VERSION_MAJOR: u16 = 1;
 /// The last minor version that this crate knows. It writes the first that has all that a file needs.
-pub const VERSION_MINOR: u16 = 5;
+pub const VERSION_MINOR: u16 = 6;
 /// Required flag: pages may be packed, and lie at multiples of [`PACKED_ALIGN`].
 pub const PACKED_PAGES: u32 = 1;
 /// Required flag: vertices have normals of three bytes.
 pub const OCTAHEDRAL_NORMALS: u32 = 2;
 /// Required flag: vertices have named scalars.
 pub const NAMED_SCALARS: u32 = 4;
+/// Required flag: clusters have sheets.
+pub const SHEETS: u32 = 8;
 /// Length of the header, bytes.
 pub const HEADER_LEN: usize = 256;
 
@@ -34,7 +36,7 @@ pub struct Header {
     pub version_minor: u16,
     /// [`HEADER_LEN`].
     pub header_len: u32,
-    /// Features that a reader must know: [`PACKED_PAGES`], [`OCTAHEDRAL_NORMALS`], [`NAMED_SCALARS`].
+    /// Features that a reader must know: [`PACKED_PAGES`], [`OCTAHEDRAL_NORMALS`], [`NAMED_SCALARS`], [`SHEETS`].
     pub required_flags: u32,
     /// Features that a reader may ignore; none are defined.
     pub optional_flags: u32,
@@ -188,6 +190,11 @@ impl Header {
         self.required_flags & PACKED_PAGES != 0
     }
 
+    /// Whether clusters have sheets: images of their surface.
+    pub fn has_sheets(&self) -> bool {
+        self.required_flags & SHEETS != 0
+    }
+
     /// The box around everything, relative to the origin.
     pub fn aabb(&self) -> Aabb {
         Aabb { min: self.aabb_min, max: self.aabb_max }
@@ -228,7 +235,7 @@ impl Header {
             return Err(FormatError::Checksum { place, expected: found, got: expected });
         }
 
-        let unknown = self.required_flags & !(PACKED_PAGES | OCTAHEDRAL_NORMALS | NAMED_SCALARS);
+        let unknown = self.required_flags & !(PACKED_PAGES | OCTAHEDRAL_NORMALS | NAMED_SCALARS | SHEETS);
         if unknown != 0 {
             return Err(FormatError::Feature { place, got: unknown });
         }

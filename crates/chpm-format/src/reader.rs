@@ -11,6 +11,7 @@ use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
 use crate::remnant::{self, Remnant};
 use crate::scalars;
 use crate::section::{SectionKind, Sections, check_sum};
+use crate::sheet::{self, Sheet, SheetRecord};
 use crate::structure::{Structure, member_range, place_pages};
 use bytemuck::Pod;
 use chpm_mesh::{ClusterId, GroupId, Scalar};
@@ -58,6 +59,12 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         if file.has_remnants() {
             remnant::check(file.remnants(), file.clusters())?;
             remnant::check_rest(file.groups())?;
+        }
+        if header.has_sheets() {
+            let texels = file.sections.range(SectionKind::Texels).len() as u64;
+            let (place, count) = (FilePart::Section(SectionKind::Texels), file.clusters().len());
+            require_eq(place, "count", count as u64, file.sections.count(SectionKind::Texels))?;
+            sheet::check(file.sheets(), count, texels)?;
         }
         file.check_pages()?;
         Ok(file)
@@ -163,6 +170,36 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     pub fn has_remnants(&self) -> bool {
         // What groups tell of the others has no place in earlier versions.
         self.header.version_minor >= 5 && self.sections.has(SectionKind::Remnants)
+    }
+
+    /// Records of the clusters' sheets, by cluster; none where the file has no sheets.
+    pub fn sheets(&self) -> &[SheetRecord] {
+        self.table(SectionKind::Textures)
+    }
+
+    /// Bytes of a cluster's sheet as it is stored, its layout and then its image, without a look at them: they may be damaged. None if there are no sheets.
+    ///
+    /// # Panics
+    /// As [`Chpm::coarse`].
+    pub fn sheet_bytes(&self, id: ClusterId) -> Option<&[u8]> {
+        let record = self.header.has_sheets().then(|| &self.sheets()[id.index()])?;
+        let start = record.offset as usize;
+        (self.on_page)(&self.data, record.len());
+        Some(&self.section(SectionKind::Texels)[start..start + record.len() as usize])
+    }
+
+    /// A cluster's sheet, its checksum compared and its layout checked against the cluster's record; none if there are no sheets.
+    ///
+    /// # Errors
+    /// [`FormatError::Checksum`] for a damaged sheet, or a layout that no sheet may have.
+    ///
+    /// # Panics
+    /// As [`Chpm::coarse`].
+    pub fn sheet(&self, id: ClusterId) -> Result<Option<Sheet<'_>>, FormatError> {
+        let Some(bytes) = self.sheet_bytes(id) else { return Ok(None) };
+        let record = self.sheets()[id.index()];
+        check_sum(FilePart::Sheet(id), record.checksum, bytes)?;
+        Sheet::parse(record, bytes, self.clusters()[id.index()].triangle_count).map(Some)
     }
 
     /// The level table, leaves first.

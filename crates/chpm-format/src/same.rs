@@ -3,8 +3,9 @@
 use crate::error::FormatError;
 use crate::page::Page;
 use crate::reader::Chpm;
-use crate::records::{ClusterRecord, GroupRecord};
+use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
 use crate::remnant::Remnant;
+use crate::sheet::Sheet;
 use crate::tables::known_gaps;
 use chpm_mesh::{ClusterId, GroupId};
 use std::collections::BTreeMap;
@@ -39,27 +40,58 @@ impl Differences {
     }
 }
 
-/// Compares the content of two files. `progress` is told each cluster.
+/// How much of two files is compared.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub enum Extent {
+    /// All that they hold.
+    #[default]
+    All,
+    /// Positions, triangles, collapses, errors and groups, whatever vertices have besides and whatever images show.
+    Geometry,
+}
+
+/// Compares all content of two files. `progress` is told each cluster.
 ///
 /// # Errors
-/// The first page that is damaged.
+/// The first page or sheet that is damaged.
 pub fn compare<A: AsRef<[u8]>, B: AsRef<[u8]>>(
+    here: &Chpm<A>,
+    there: &Chpm<B>,
+    progress: impl FnMut(),
+) -> Result<Differences, FormatError> {
+    compare_to(Extent::All, here, there, progress)
+}
+
+/// Compares so much of the content of two files.
+///
+/// # Errors
+/// As [`compare`].
+pub fn compare_to<A: AsRef<[u8]>, B: AsRef<[u8]>>(
+    extent: Extent,
     here: &Chpm<A>,
     there: &Chpm<B>,
     mut progress: impl FnMut(),
 ) -> Result<Differences, FormatError> {
     let mut differences = Differences::default();
     let (a, b) = (here.header(), there.header());
-    differences.compare("attributes", [a.attributes, b.attributes]);
-    differences.compare("scalars", [here.scalars(), there.scalars()]);
+    if extent == Extent::All {
+        differences.compare("attributes", [a.attributes, b.attributes]);
+        differences.compare("scalars", [here.scalars(), there.scalars()]);
+        differences.compare("sheets", [a.has_sheets(), b.has_sheets()]);
+    }
     differences.compare("vertices of the source", [a.source_vertex_count, b.source_vertex_count]);
     differences.compare("treatment of boundaries", [a.boundary_mode, b.boundary_mode]);
     differences.compare("meaning of errors", [a.error_kind, b.error_kind]);
     differences.compare("shared vertices", [a.shared_vertex_count, b.shared_vertex_count]);
     differences.compare("origin", [a.origin.map(f64::to_bits), b.origin.map(f64::to_bits)]);
-    differences.compare("levels", [here.levels(), there.levels()]);
-    let clusters_here = clusters(here, &mut progress)?;
-    let clusters_there = clusters(there, &mut progress)?;
+    let levels = |records: &[LevelRecord]| -> Vec<LevelRecord> {
+        // How many collapses were refused on the way depends on what vertices have besides.
+        let bare = |level: &LevelRecord| LevelRecord { refusals: Default::default(), ..*level };
+        records.iter().map(|level| if extent == Extent::All { *level } else { bare(level) }).collect()
+    };
+    differences.compare("levels", [levels(here.levels()), levels(there.levels())]);
+    let clusters_here = clusters(here, extent, &mut progress)?;
+    let clusters_there = clusters(there, extent, &mut progress)?;
     let groups = [groups(here, &clusters_here), groups(there, &clusters_there)];
     let remnants = [remnants(here, &clusters_here), remnants(there, &clusters_there)];
     compare_sets("cluster", [clusters_here, clusters_there], &mut differences);
@@ -93,7 +125,11 @@ fn compare_sets(what: &str, [here, there]: [Vec<u128>; 2], differences: &mut Dif
 }
 
 /// Hash of each cluster's content.
-fn clusters<D: AsRef<[u8]>>(file: &Chpm<D>, progress: &mut impl FnMut()) -> Result<Vec<u128>, FormatError> {
+fn clusters<D: AsRef<[u8]>>(
+    file: &Chpm<D>,
+    extent: Extent,
+    progress: &mut impl FnMut(),
+) -> Result<Vec<u128>, FormatError> {
     let mut triangles = Vec::new();
     (0..)
         .map(ClusterId)
@@ -102,7 +138,7 @@ fn clusters<D: AsRef<[u8]>>(file: &Chpm<D>, progress: &mut impl FnMut()) -> Resu
             let page = file.page_checked(id)?;
             let mut hash = Xxh3::new();
 
-            let alike = ClusterRecord {
+            let mut alike = ClusterRecord {
                 page_offset: 0,
                 page_len: 0,
                 page_checksum: 0,
@@ -111,34 +147,61 @@ fn clusters<D: AsRef<[u8]>>(file: &Chpm<D>, progress: &mut impl FnMut()) -> Resu
                 flags: record.flags & ClusterRecord::TRIMMED,
                 ..*record
             };
+            if extent == Extent::Geometry {
+                (alike.normal_deviation, alike.color_deviation) = (0.0, 0.0);
+            }
 
             hash.update(bytemuck::bytes_of(&alike));
-            add_page(&page.view(), &mut triangles, &mut hash);
+            add_mesh(&page.view(), &mut triangles, &mut hash);
+            if extent == Extent::All {
+                add_attributes(&page.view(), &mut hash);
+                if let Some(sheet) = file.sheet(id)? {
+                    add_sheet(&page.view(), &sheet, &mut hash);
+                }
+            }
             progress();
             Ok(hash.digest128())
         })
         .collect()
 }
 
-fn add_page(page: &Page<'_>, triangles: &mut Vec<[u16; 3]>, hash: &mut Xxh3) {
-    triangles.clear();
-    triangles.extend(page.triangles.iter().map(|[a, b, c]| {
-        // Turned so that its least corner is the first.
-        if a < b && a < c {
-            [*a, *b, *c]
-        } else if b < c {
-            [*b, *c, *a]
-        } else {
-            [*c, *a, *b]
-        }
-    }));
-    triangles.sort_unstable();
-    hash.update(bytemuck::cast_slice(triangles));
-    hash.update(bytemuck::cast_slice(page.positions));
+/// A triangle, turned so that its least corner is the first.
+fn turned([a, b, c]: &[u16; 3]) -> [u16; 3] {
+    if a < b && a < c {
+        [*a, *b, *c]
+    } else if b < c {
+        [*b, *c, *a]
+    } else {
+        [*c, *a, *b]
+    }
+}
+
+fn add_attributes(page: &Page<'_>, hash: &mut Xxh3) {
     hash.update(bytemuck::cast_slice(page.normals));
     hash.update(bytemuck::cast_slice(page.octahedral));
     hash.update(bytemuck::cast_slice(page.colors));
     hash.update(bytemuck::cast_slice(page.scalars));
+}
+
+/// Adds a sheet, whatever the order of triangles.
+fn add_sheet(page: &Page<'_>, sheet: &Sheet<'_>, hash: &mut Xxh3) {
+    let layout = &sheet.layout;
+    let mut charted: Vec<([u16; 3], u16)> =
+        page.triangles.iter().map(turned).zip(layout.chart_of.iter().copied()).collect();
+    charted.sort_unstable();
+    charted.iter().for_each(|(_, chart)| hash.update(&chart.to_le_bytes()));
+    hash.update(bytemuck::bytes_of(&layout.origin));
+    hash.update(bytemuck::cast_slice(&layout.charts));
+    hash.update(bytemuck::bytes_of(&[sheet.record.codec, sheet.record.texel.to_bits()]));
+    hash.update(sheet.image);
+}
+
+fn add_mesh(page: &Page<'_>, triangles: &mut Vec<[u16; 3]>, hash: &mut Xxh3) {
+    triangles.clear();
+    triangles.extend(page.triangles.iter().map(turned));
+    triangles.sort_unstable();
+    hash.update(bytemuck::cast_slice(triangles));
+    hash.update(bytemuck::cast_slice(page.positions));
     hash.update(bytemuck::cast_slice(page.shared_ids));
     hash.update(bytemuck::cast_slice(page.targets));
     hash.update(bytemuck::cast_slice(page.error_codes));

@@ -6,6 +6,7 @@ use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
 use crate::remnant::Remnant;
 use crate::section_kind::KINDS;
 pub use crate::section_kind::{OPTIONAL_KIND, SectionKind};
+use crate::sheet::SheetRecord;
 use crate::{TABLE_ALIGN, align_up, checksum, chunks, scalars};
 use bytemuck::{Pod, Zeroable};
 use std::{mem, ops::Range};
@@ -20,7 +21,8 @@ impl SectionKind {
             SectionKind::Groups => mem::size_of::<GroupRecord>() as u32,
             SectionKind::Members => mem::size_of::<u32>() as u32,
             SectionKind::Levels => mem::size_of::<LevelRecord>() as u32,
-            SectionKind::Metadata | SectionKind::Scalars | SectionKind::Pages => 0,
+            SectionKind::Metadata | SectionKind::Scalars | SectionKind::Texels | SectionKind::Pages => 0,
+            SectionKind::Textures => mem::size_of::<SheetRecord>() as u32,
             SectionKind::Chunks => chunks::WORD as u32,
             SectionKind::Remnants => mem::size_of::<Remnant>() as u32,
         }
@@ -39,9 +41,9 @@ pub struct SectionEntry {
     pub offset: u64,
     /// Bytes, without padding behind.
     pub len: u64,
-    /// Records; 1 for METADATA, scalars for SCALARS, pages for PAGES.
+    /// Records; 1 for METADATA, scalars for SCALARS, sheets for TEXELS, pages for PAGES.
     pub count: u64,
-    /// Checksum of the bytes; 0 for PAGES, whose pages carry their own.
+    /// Checksum of the bytes; 0 for TEXELS and PAGES, whose sheets and pages carry their own.
     pub checksum: u64,
 }
 
@@ -100,7 +102,7 @@ impl Sections {
             require(zero, place, "padding between sections", "zeros", "other bytes")?;
             end = range.end;
             match entry.known() {
-                Some(SectionKind::Pages) => Ok(()),
+                Some(SectionKind::Pages | SectionKind::Texels) => Ok(()),
                 // A later minor version may have sections of other kinds; only their bytes are checked.
                 kind => {
                     check_sum(kind.map_or(place, FilePart::Section), entry.checksum, &bytes[range.clone()])
@@ -145,10 +147,15 @@ impl Sections {
         require_eq(place, "end of the last section", header.file_len, end as u64)?;
         let lacks =
             SectionKind::ALL.into_iter().find(|kind| kind.is_needed() && found[kind.slot()].is_none());
-        match lacks {
-            Some(kind) => Err(invalid(place, "sections", kind, "none of that kind")),
-            None => Ok(Sections(found)),
+        if let Some(kind) = lacks {
+            return Err(invalid(place, "sections", kind, "none of that kind"));
         }
+        for kind in [SectionKind::Textures, SectionKind::Texels] {
+            let told = format_args!("as bit 3 of required_flags says of {kind}");
+            let is_there = found[kind.slot()].is_some();
+            require(is_there == header.has_sheets(), place, "sections", told, is_there)?;
+        }
+        Ok(Sections(found))
     }
 }
 
@@ -183,7 +190,7 @@ impl SectionEntry {
                 let most = scalars::MOST_LEN;
                 require(self.len <= most, place, "len", format_args!("at most {most}"), self.len)
             }
-            SectionKind::Pages => require_eq(place, "checksum", 0, self.checksum),
+            SectionKind::Pages | SectionKind::Texels => require_eq(place, "checksum", 0, self.checksum),
             _ => {
                 let len = self.count.checked_mul(u64::from(self.record_len));
                 require(len == Some(self.len), place, "len", "count * record_len", self.len)

@@ -6,7 +6,7 @@ use std::fmt;
 /// Set in the kinds that a reader may skip without knowing them.
 pub const OPTIONAL_KIND: u32 = 1 << 31;
 
-/// The sections that are known: every file has each once, but for CHUNKS, SCALARS and REMNANTS, which may be absent.
+/// The sections that are known: every file has each once, but for CHUNKS, SCALARS, REMNANTS, TEXTURES and TEXELS, which may be absent.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[repr(u32)]
 pub enum SectionKind {
@@ -24,6 +24,10 @@ pub enum SectionKind {
     Pages = 6,
     /// Names and ranges of the scalars that vertices have; only where they have any.
     Scalars = 7,
+    /// Records of sheets, one a cluster; only where clusters have any.
+    Textures = 8,
+    /// The sheets themselves; there with TEXTURES.
+    Texels = 9,
     /// Checksums of the tables' chunks; the first section where it is there.
     Chunks = OPTIONAL_KIND | 1,
     /// Remnants of components that vanish; only where there are any.
@@ -35,7 +39,7 @@ pub(crate) const KINDS: usize = SectionKind::ALL.len();
 
 impl SectionKind {
     /// All of them, in the order in which the writer lays them out.
-    pub const ALL: [SectionKind; 9] = [
+    pub const ALL: [SectionKind; 11] = [
         SectionKind::Chunks,
         SectionKind::Clusters,
         SectionKind::Groups,
@@ -44,12 +48,15 @@ impl SectionKind {
         SectionKind::Metadata,
         SectionKind::Scalars,
         SectionKind::Remnants,
+        SectionKind::Textures,
+        SectionKind::Texels,
         SectionKind::Pages,
     ];
 
     /// Whether every file has it.
     pub(crate) fn is_needed(self) -> bool {
-        self as u32 & OPTIONAL_KIND == 0 && self != SectionKind::Scalars
+        let may_lack = matches!(self, SectionKind::Scalars | SectionKind::Textures | SectionKind::Texels);
+        self as u32 & OPTIONAL_KIND == 0 && !may_lack
     }
 
     /// Its place among the kinds, below [`KINDS`].
@@ -79,6 +86,8 @@ impl fmt::Display for SectionKind {
             SectionKind::Pages => "PAGES",
             SectionKind::Chunks => "CHUNKS",
             SectionKind::Remnants => "REMNANTS",
+            SectionKind::Textures => "TEXTURES",
+            SectionKind::Texels => "TEXELS",
         })
     }
 }

@@ -5,13 +5,14 @@ use crate::error::{FilePart, FormatError, invalid, require, require_eq};
 use crate::gaps::Gaps;
 use crate::header::{
     BoundaryMode, ErrorKind, HEADER_LEN, Header, MAGIC, NAMED_SCALARS, OCTAHEDRAL_NORMALS, PACKED_PAGES,
-    VERSION_MAJOR, page_align,
+    SHEETS, VERSION_MAJOR, page_align,
 };
 use crate::metadata::Metadata;
 use crate::reader::Chpm;
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
 use crate::remnant::{self, Remnant};
 use crate::section::{SectionEntry, SectionKind};
+use crate::sheet::{self, SheetRecord};
 use crate::structure::{Structure, member_range, place_pages};
 use crate::{align_up, checksum, scalars};
 use bytemuck::Zeroable;
@@ -77,6 +78,8 @@ pub struct Tables {
     pub scalars: Vec<Scalar>,
     /// Remnants of components that vanish; put in order when the tables are encoded.
     pub remnants: Vec<Remnant>,
+    /// Sheets, one a cluster in the order of the clusters, or none; `cluster` and `offset` are filled in.
+    pub sheets: Vec<SheetRecord>,
 }
 
 impl Tables {
@@ -107,10 +110,11 @@ impl Tables {
             metadata: file.metadata()?,
             scalars: file.scalars().to_vec(),
             remnants: file.remnants().to_vec(),
+            sheets: file.sheets().to_vec(),
         })
     }
 
-    /// Puts the clusters in another order: `order` has the ids of today, each once, in the order to come. Their pages are to follow.
+    /// Puts the clusters in another order: `order` has the ids of today, each once, in the order to come. Their pages and sheets are to follow.
     ///
     /// # Panics
     /// If an id is not that of a cluster.
@@ -120,6 +124,10 @@ impl Tables {
             place[old.index()] = new;
         }
         self.clusters = order.iter().map(|old| self.clusters[old.index()]).collect();
+        if !self.sheets.is_empty() {
+            self.sheets = order.iter().map(|old| self.sheets[old.index()]).collect();
+            sheet::place(&mut self.sheets);
+        }
         self.members.iter_mut().for_each(|id| *id = place[*id as usize]);
         self.remnants.iter_mut().for_each(|remnant| remnant.cluster = place[remnant.cluster().index()]);
     }
@@ -148,12 +156,13 @@ impl Tables {
         Ok(end)
     }
 
-    /// Places the pages by their lengths alone, for a builder that writes them in any order before the rest of their
+    /// Places pages and sheets by their lengths alone, for a builder that writes them in any order before the rest of their
     /// records is known. Answers the file's length.
     ///
     /// # Errors
     /// As [`Tables::file_len`].
     pub fn assign_offsets(&mut self) -> Result<u64, FormatError> {
+        sheet::place(&mut self.sheets);
         let start = self.pages_offset(self.metadata.encode()?.len() as u64);
         let lens: Vec<u32> = self.clusters.iter().map(|c| c.page_len).collect();
         place_pages(start, page_align(self.header.packed), lens, |index, offset| {
@@ -162,7 +171,22 @@ impl Tables {
         })
     }
 
-    /// Completes and checks the tables; answers all bytes of the file before its first page.
+    /// Where the first sheet is to be; where the first page is without any.
+    ///
+    /// # Errors
+    /// Metadata above the limit.
+    pub fn first_sheet_offset(&self) -> Result<u64, FormatError> {
+        let pages = self.first_page_offset()?;
+        if self.sheets.is_empty() {
+            return Ok(pages);
+        }
+        let metadata_len = self.metadata.encode()?.len() as u64;
+        let kinds = self.kinds().filter(|kind| !matches!(kind, SectionKind::Texels | SectionKind::Pages));
+        let tables_end = self.end_of(kinds, metadata_len);
+        Ok(aligned(tables_end, SectionKind::Texels))
+    }
+
+    /// Completes and checks the tables; answers all bytes of the file before its first sheet, or before its first page if there is none.
     ///
     /// # Errors
     /// [`FormatError::Value`] for tables that no file may have.
@@ -180,26 +204,33 @@ impl Tables {
             SectionKind::Scalars => return scalars::section_len(&self.scalars),
             SectionKind::Chunks => return chunks::section_len(CHUNKED.map(|kind| self.section_len(kind, 0))),
             SectionKind::Remnants => self.remnants.len(),
+            SectionKind::Textures => self.sheets.len(),
+            SectionKind::Texels => return sheet::texels_len(&self.sheets),
             SectionKind::Pages => 0,
         };
         count as u64 * u64::from(kind.record_len())
     }
 
     fn pages_offset(&self, metadata_len: u64) -> u64 {
-        let tables_end = self.kinds().fold(self.table_end() as u64, |end, kind| {
+        aligned(self.end_of(self.kinds(), metadata_len), SectionKind::Pages)
+    }
+
+    /// Where the last of some sections ends.
+    fn end_of(&self, kinds: impl Iterator<Item = SectionKind>, metadata_len: u64) -> u64 {
+        kinds.fold(self.table_end() as u64, |end, kind| {
             aligned(end, kind) + self.section_len(kind, metadata_len)
-        });
-        aligned(tables_end, SectionKind::Pages)
+        })
     }
 
     /// The sections, in the order in which they are laid out.
     fn kinds(&self) -> impl Iterator<Item = SectionKind> + use<> {
         let (chunked, has_scalars) = (self.header.chunked, !self.scalars.is_empty());
-        let has_remnants = !self.remnants.is_empty();
+        let (has_remnants, has_sheets) = (!self.remnants.is_empty(), !self.sheets.is_empty());
         SectionKind::ALL.into_iter().filter(move |kind| match kind {
             SectionKind::Chunks => chunked,
             SectionKind::Scalars => has_scalars,
             SectionKind::Remnants => has_remnants,
+            SectionKind::Textures | SectionKind::Texels => has_sheets,
             _ => true,
         })
     }
@@ -225,6 +256,7 @@ impl Tables {
             }
         }
         self.remnants.sort_unstable_by_key(Remnant::key);
+        sheet::place(&mut self.sheets);
         self.levels = statistics(&self.clusters, &self.levels);
         let lens: Vec<u32> = self.clusters.iter().map(|c| c.page_len).collect();
         place_pages(pages_offset, page_align(self.header.packed), lens, |index, offset| {
@@ -240,8 +272,13 @@ impl Tables {
             u32::try_from(len).map_err(|_| invalid(*place, field, "less than 2^32", len))
         }
         let bounds = bounds(&self.clusters);
-        let (required_flags, without_remnants) = self.header.needs();
-        let version_minor = if self.remnants.is_empty() { without_remnants } else { 5 };
+        let (mut required_flags, mut version_minor) = self.header.needs();
+        if !self.remnants.is_empty() {
+            version_minor = 5;
+        }
+        if !self.sheets.is_empty() {
+            (required_flags, version_minor) = (required_flags | SHEETS, 6);
+        }
 
         Ok(Header {
             magic: MAGIC,
@@ -271,7 +308,7 @@ impl Tables {
         })
     }
 
-    /// Completes and checks the tables; answers all bytes of the file before its first page, and the file's length.
+    /// Completes and checks the tables; answers all bytes of the file before its first sheet or page, and the file's length.
     pub(crate) fn head(&mut self) -> Result<(Vec<u8>, u64), FormatError> {
         let metadata = self.metadata.encode()?;
         let pages_offset = self.pages_offset(metadata.len() as u64);
@@ -295,6 +332,9 @@ impl Tables {
             remnant::check(&self.remnants, &self.clusters)?;
             remnant::check_rest(&self.groups)?;
         }
+        if !self.sheets.is_empty() {
+            sheet::check(&self.sheets, self.clusters.len(), sheet::texels_len(&self.sheets))?;
+        }
         let origin = self.header.origin.iter().all(|x| x.is_finite());
         require(
             origin,
@@ -312,9 +352,14 @@ impl Tables {
         ];
         let mut head = vec![0; self.table_end()];
         let mut entries = vec![SectionEntry::zeroed(); self.kinds().count()];
+        let mut end = head.len() as u64;
         for (kind, entry) in self.kinds().zip(&mut entries) {
-            let offset = aligned(head.len() as u64, kind);
-            head.resize(offset as usize, 0);
+            let offset = aligned(end, kind);
+            // Sheets are as long as all else, and so are not here; nor is what comes behind them.
+            let is_here = self.sheets.is_empty() || !matches!(kind, SectionKind::Texels | SectionKind::Pages);
+            if is_here {
+                head.resize(offset as usize, 0);
+            }
             match kind {
                 SectionKind::Chunks => head.extend_from_slice(bytemuck::cast_slice(&chunks::encode(tables))),
                 SectionKind::Clusters => head.extend_from_slice(tables[0]),
@@ -324,9 +369,11 @@ impl Tables {
                 SectionKind::Metadata => head.extend_from_slice(&metadata),
                 SectionKind::Scalars => head.extend_from_slice(&scalars::encode(&self.scalars)),
                 SectionKind::Remnants => head.extend_from_slice(bytemuck::cast_slice(&self.remnants)),
-                SectionKind::Pages => {}
+                SectionKind::Textures => head.extend_from_slice(bytemuck::cast_slice(&self.sheets)),
+                SectionKind::Texels | SectionKind::Pages => {}
             }
-            let len = head.len() as u64 - offset;
+            let len = if is_here { head.len() as u64 - offset } else { self.section_len(kind, 0) };
+            end = offset + len;
             *entry = SectionEntry {
                 kind: kind as u32,
                 record_len: kind.record_len(),
@@ -334,9 +381,10 @@ impl Tables {
                 len,
                 count: match kind {
                     SectionKind::Scalars => self.scalars.len() as u64,
+                    SectionKind::Texels => self.sheets.len() as u64,
                     _ => len.checked_div(u64::from(kind.record_len())).unwrap_or(1),
                 },
-                checksum: checksum(&head[offset as usize..]),
+                checksum: if is_here { checksum(&head[offset as usize..]) } else { 0 },
             };
         }
 

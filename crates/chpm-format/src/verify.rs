@@ -9,6 +9,7 @@ mod cluster;
 mod group;
 mod remnants;
 mod shared;
+mod sheets;
 mod tables;
 
 use crate::error::FilePart;
@@ -42,6 +43,8 @@ pub enum Invariant {
     Vertices,
     /// I10: bytes are what was written; nothing is where zeros belong.
     Bytes,
+    /// I13: triangles are in their charts at every position.
+    Sheets,
 }
 
 impl fmt::Display for Invariant {
@@ -55,6 +58,7 @@ impl fmt::Display for Invariant {
             Invariant::Boundary => "I7 boundary",
             Invariant::Vertices => "I8 vertices",
             Invariant::Bytes => "I10 bytes",
+            Invariant::Sheets => "I13 sheets",
         })
     }
 }

@@ -4,11 +4,13 @@
 //! bytes come out on every machine. Everything here takes untrusted bytes.
 #![forbid(unsafe_code)]
 
+mod encode;
 mod error;
 mod forward;
 mod jpeg;
 mod png;
 mod rows;
 
+pub use encode::{Encoded, encode};
 pub use error::ImageError;
 pub use rows::ImageRows;

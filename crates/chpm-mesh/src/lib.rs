@@ -8,6 +8,7 @@
 compile_error!("chpm reads its little-endian records in place and supports little-endian hosts only");
 
 pub mod asked;
+pub mod chart;
 pub mod curve;
 pub mod geom;
 pub mod ids;
@@ -21,6 +22,7 @@ pub mod vertices;
 pub mod viridis;
 
 pub use asked::{AskedError, Length, LengthError, Triangles};
+pub use chart::Chart;
 pub use geom::{Aabb, FAR, Sphere};
 pub use ids::{ClusterId, GroupId, Level};
 pub use number::{Number, NumberError};

@@ -54,6 +54,16 @@ impl ProgressiveMesh<'_> {
         }
     }
 
+    /// The corners that a triangle of the finest mesh has at one position or another, the finest first, while it is there.
+    pub fn states(&self, corners: [u16; 3]) -> impl Iterator<Item = [u16; 3]> {
+        let next = move |corners: &[u16; 3]| {
+            let last = corners.iter().copied().max().unwrap_or(0);
+            let target = *self.targets.get(usize::from(last).checked_sub(self.base_vertex_count)?)?;
+            Some(corners.map(|v| if v == last { target } else { v })).filter(is_alive)
+        };
+        std::iter::successors(Some(corners), next)
+    }
+
     /// The least vertex count at which a triangle is still there: it dies when the mesh goes from this count to one less.
     /// A triangle of the base mesh answers `base_vertex_count`.
     pub fn birth(&self, mut corners: [u16; 3]) -> usize {
@@ -145,6 +155,20 @@ mod tests {
             let mut out = Vec::new();
             FAN.triangles_at(n, &mut out);
             assert!(places.triangles(FAN.triangles).eq(out), "at {n} vertices");
+        }
+    }
+
+    #[test]
+    fn states_are_those_of_all_positions() {
+        for corners in FAN.triangles {
+            let mut played: Vec<[u16; 3]> = Vec::new();
+            for n in (3..=5).rev() {
+                let state = corners.map(|v| FAN.resolve(v, n));
+                if is_alive(&state) && played.last() != Some(&state) {
+                    played.push(state);
+                }
+            }
+            assert!(FAN.states(*corners).eq(played), "{corners:?}");
         }
     }
 

@@ -19,8 +19,10 @@ const TOP: u64 = 1000;
 pub struct Sizes {
     /// The whole file.
     pub file: u64,
-    /// Everything but the pages.
+    /// Everything but pages and sheets.
     pub tables: u64,
+    /// Sheets, with what lies between them.
+    pub sheets: u64,
     /// Of the tables: what tells chunks of them.
     pub chunks: u64,
     /// Pages without what lies between them.
@@ -33,16 +35,18 @@ impl Sizes {
     /// Those of a file.
     pub fn of<D: AsRef<[u8]>>(file: &Chpm<D>) -> Self {
         let pages: u64 = file.clusters().iter().map(|cluster| u64::from(cluster.page_len)).sum();
-        let (mut padded, mut chunks) = (pages, 0);
+        let (mut padded, mut chunks, mut sheets) = (pages, 0, 0);
         for (kind, range) in file.sections() {
             match kind {
                 SectionKind::Pages => padded = range.len() as u64,
                 SectionKind::Chunks => chunks = range.len() as u64,
+                SectionKind::Texels => sheets = range.len() as u64,
                 _ => {}
             }
         }
         let whole = file.header().file_len;
-        Sizes { file: whole, tables: whole - padded, chunks, pages, padding: padded - pages }
+        let tables = whole - padded - sheets;
+        Sizes { file: whole, tables, sheets, chunks, pages, padding: padded - pages }
     }
 }
 

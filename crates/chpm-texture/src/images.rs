@@ -16,6 +16,26 @@ fn open(image: u32, memory: u64, open_image: &mut OpenImage<'_>) -> Result<Image
     ImageRows::open(bytes, memory).map_err(|source| TextureError::Image { image, source })
 }
 
+/// Opens an image, if there is memory for its decoder and for what `beside` says of its size.
+pub(crate) fn open_within(
+    store: &Store,
+    image: u32,
+    beside: impl Fn([u32; 2]) -> u64,
+    open_image: &mut OpenImage<'_>,
+) -> Result<(ImageRows, Reservation), TextureError> {
+    let rows = open(image, u64::MAX, open_image)?;
+    let beside = beside(rows.size());
+    let memory = match store.budget.reserve_work("an image", rows.memory() + beside) {
+        // The image says how it would take less.
+        Err(ExtmemError::Budget { used, limit, .. }) => {
+            open(image, limit.saturating_sub(used + beside), open_image)?;
+            store.budget.reserve_work("an image", rows.memory() + beside)?
+        }
+        memory => memory?,
+    };
+    Ok((rows, memory))
+}
+
 /// Sizes of the images that were asked for.
 #[derive(Default)]
 pub(crate) struct Sizes(BTreeMap<u32, [u32; 2]>);
@@ -54,18 +74,11 @@ impl Strips {
         image: u32,
         open_image: &mut OpenImage<'_>,
     ) -> Result<Self, TextureError> {
-        let rows = open(image, u64::MAX, open_image)?;
-        let [width, height] = rows.size();
-        let strip = Texels::bytes(width as usize, strip_height(width).min(height) as usize);
-        let memory = match store.budget.reserve_work("an image", rows.memory() + strip) {
-            // The image says how it would take less.
-            Err(ExtmemError::Budget { used, limit, .. }) => {
-                open(image, limit.saturating_sub(used + strip), open_image)?;
-                store.budget.reserve_work("an image", rows.memory() + strip)?
-            }
-            memory => memory?,
+        let strip = |[width, height]: [u32; 2]| {
+            Texels::bytes(width as usize, strip_height(width).min(height) as usize)
         };
-        let texels = Texels::new(width as usize);
+        let (rows, memory) = open_within(store, image, strip, open_image)?;
+        let texels = Texels::new(rows.size()[0] as usize);
         Ok(Strips { image, rows, texels, strip: None, done: 0, pixels: Vec::new(), _memory: memory })
     }
 

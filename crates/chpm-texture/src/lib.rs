@@ -13,8 +13,10 @@ mod images;
 mod material;
 mod piece;
 mod shares;
+pub mod sheet;
 mod srgb;
 mod texels;
+mod tiles;
 mod triangle;
 
 pub use averager::Averager;
@@ -23,4 +25,6 @@ pub use error::TextureError;
 pub use images::OpenImage;
 pub use material::{Material, Wrap};
 pub use srgb::srgb_product;
+pub use texels::texel as linear_texel;
+pub use tiles::{TileReader, Tiles};
 pub use triangle::TexturedTriangle;

@@ -1,7 +1,9 @@
 //! Materials: colours of triangles.
 
+use serde::{Deserialize, Serialize};
+
 /// Colour of a triangle: an image, and what it is multiplied by.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Material {
     /// Number of the image, for [`OpenImage`](crate::OpenImage); none for the factor alone.
     pub image: Option<u32>,
@@ -12,7 +14,7 @@ pub struct Material {
 }
 
 /// An image outside of coordinates from 0 to 1.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub enum Wrap {
     /// It begins again.
     #[default]

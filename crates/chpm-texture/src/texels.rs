@@ -7,10 +7,21 @@ const BLOCK: usize = 32;
 
 /// Red, green and blue in linear light, each times alpha and one of 256, and 255 times that factor. So what is not seen hardly counts,
 /// and where nothing is seen, colours are averaged all the same.
-type Texel = [u16; 4];
+pub type Texel = [u16; 4];
 
 /// The last part of [`Texel`], for a weight of one.
 pub(crate) const WEIGHT: u64 = 255;
+
+/// A pixel in linear light, times its alpha: see [`Pixels`](crate::sheet::Pixels).
+pub fn texel(&[r, g, b, a]: &[u8; 4]) -> Texel {
+    let light = linear();
+    if a == 255 {
+        return [light[r as usize], light[g as usize], light[b as usize], 256 * 255];
+    }
+    let shown = u32::from(a) + 1;
+    let part = |value: u8| ((u32::from(light[value as usize]) * shown + 128) >> 8) as u16;
+    [part(r), part(g), part(b), (shown * 255) as u16]
+}
 
 /// Sums over a part of a row: of texels, and of texels times their distance from the part's begin.
 #[derive(Clone, Copy, Default, PartialEq, Debug)]
@@ -44,15 +55,6 @@ impl Texels {
 
     /// Replaces the rows.
     pub(crate) fn fill(&mut self, pixels: &[[u8; 4]]) {
-        let light = linear();
-        let texel = |&[r, g, b, a]: &[u8; 4]| {
-            if a == 255 {
-                return [light[r as usize], light[g as usize], light[b as usize], 256 * 255];
-            }
-            let shown = u32::from(a) + 1;
-            let part = |value: u8| ((u32::from(light[value as usize]) * shown + 128) >> 8) as u16;
-            [part(r), part(g), part(b), (shown * 255) as u16]
-        };
         self.rows.clear();
         self.rows.extend(pixels.iter().map(texel));
 

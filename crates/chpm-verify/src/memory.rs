@@ -30,7 +30,8 @@ pub fn divide_among<const N: usize>(
 ) -> Result<[u64; N], VerifyError> {
     process::return_large_blocks();
     let fixed = files.map(|(file, own)| {
-        let tables = file.sections().filter(|(kind, _)| *kind != SectionKind::Pages);
+        let tables =
+            file.sections().filter(|(kind, _)| !matches!(kind, SectionKind::Pages | SectionKind::Texels));
         PROGRAM + tables.map(|(_, range)| range.len() as u64).sum::<u64>() + own
     });
     if let Some(place) = (0..N).max_by_key(|place| fixed[*place]) {

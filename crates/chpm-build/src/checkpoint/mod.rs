@@ -10,16 +10,14 @@ mod work;
 
 use crate::config::Resources;
 use crate::context::Context;
-use crate::emit::Known;
 use crate::error::BuildError;
 use crate::progress::BuildProgress;
 use crate::report::Reached;
 use chpm_extmem::{ExtmemError, WorkDir};
 pub(crate) use key::{Key, beside};
-use point::{LeftRef, Point};
+use point::{LeftRef, Point, Restored};
 use std::path::Path;
 use std::time::Instant;
-use work::Left;
 pub(crate) use work::{Arranged, Work};
 
 /// The checkpoints of one build.
@@ -58,15 +56,15 @@ impl Checkpoints {
     }
 
     /// Restores the last checkpoint of an earlier run, or begins. A checkpoint that is not as it was written is not used.
-    fn restore(&mut self, context: &Context<'_>) -> Result<(Known, Left), BuildError> {
+    fn restore(&mut self, context: &Context<'_>) -> Result<Restored, BuildError> {
         let Some(key) = self.key else { return Ok(Default::default()) };
         let dir = &context.store.workdir;
         match point::read(&context.store, key) {
-            Ok(Some((known, left))) => {
+            Ok(Some((known, painted, left))) => {
                 let reached = LeftRef::of(&left).reached();
                 self.note(format!("going on after {reached}"), context.progress);
                 (self.reached, self.resumed) = (Some(reached), Some(reached));
-                return Ok((known, left));
+                return Ok((known, painted, left));
             }
             Ok(None) => {}
             Err(BuildError::Extmem(error @ ExtmemError::Damaged { .. })) => {

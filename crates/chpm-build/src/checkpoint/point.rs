@@ -6,7 +6,7 @@ use super::work::{Arranged, Left};
 use crate::decompose::Decomposition;
 use crate::emit::Known;
 use crate::error::BuildError;
-use crate::ingest::Source;
+use crate::ingest::{Painted, Source};
 use crate::progress::Stage;
 use crate::report::Reached;
 use crate::simplify::{Levels, level_reports};
@@ -18,14 +18,15 @@ use serde::Serialize;
 use std::io::{self, BufReader};
 
 /// Changes with the meaning of what is written.
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
 /// Most bytes that decoding may take.
 const LIMIT: usize = 1 << 36;
 
-/// A checkpoint that is written. What is read is `(Known, Left)`.
+/// A checkpoint that is written. What is read is `(Known, Option<Painted>, Left)`.
 #[derive(Serialize)]
 pub(super) struct Point<'a> {
     pub(super) known: &'a Known,
+    pub(super) painted: Option<&'a Painted>,
     pub(super) left: LeftRef<'a>,
 }
 
@@ -74,11 +75,14 @@ impl Point<'_> {
     }
 }
 
+/// A checkpoint that was read.
+pub(super) type Restored = (Known, Option<Painted>, Left);
+
 /// Results of an earlier run, if there are any: its files are opened and checked, and what else is in the folder goes.
 ///
 /// # Errors
 /// [`ExtmemError::Damaged`] if they cannot be used, or are not for `key`.
-pub(super) fn read(store: &Store, key: u64) -> Result<Option<(Known, Left)>, BuildError> {
+pub(super) fn read(store: &Store, key: u64) -> Result<Option<Restored>, BuildError> {
     let dir = &store.workdir;
     let Some(content) = dir.manifest()? else { return Ok(None) };
     let mut content = BufReader::new(content);
@@ -96,10 +100,10 @@ pub(super) fn read(store: &Store, key: u64) -> Result<Option<(Known, Left)>, Bui
         return Err(wrong("is of other work").into());
     }
 
-    let record = || decode_from_std_read::<(Known, Left), _, _>(&mut content, config()).map_err(failed);
-    let ((known, left), names) = archived(store, record)?;
+    let record = || decode_from_std_read::<Restored, _, _>(&mut content, config()).map_err(failed);
+    let ((known, painted, left), names) = archived(store, record)?;
     dir.resume(names)?;
-    Ok(Some((known, completed(left, store)?)))
+    Ok(Some((known, painted, completed(left, store)?)))
 }
 
 /// Adds what a record does not have: memory that is held, and sums that are made again.

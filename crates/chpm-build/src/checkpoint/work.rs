@@ -7,7 +7,7 @@ use crate::decompose::Decomposition;
 use crate::emit::{Facts, Known};
 use crate::error::BuildError;
 use crate::hierarchy::Tree;
-use crate::ingest::{self, Source};
+use crate::ingest::{self, Painted, Source};
 use crate::simplify::Levels;
 use crate::trim::Built;
 use serde::{Deserialize, Serialize};
@@ -41,6 +41,7 @@ pub(crate) struct Work<'a> {
     context: &'a Context<'a>,
     checkpoints: &'a mut Checkpoints,
     known: Known,
+    painted: Option<Painted>,
     left: Left,
 }
 
@@ -50,8 +51,8 @@ impl<'a> Work<'a> {
         checkpoints: &'a mut Checkpoints,
         context: &'a Context<'a>,
     ) -> Result<Self, BuildError> {
-        let (known, left) = checkpoints.restore(context)?;
-        Ok(Work { context, checkpoints, known, left })
+        let (known, painted, left) = checkpoints.restore(context)?;
+        Ok(Work { context, checkpoints, known, painted, left })
     }
 
     /// Reads the source.
@@ -60,7 +61,8 @@ impl<'a> Work<'a> {
         stage: impl FnOnce() -> Result<Source, BuildError>,
     ) -> Result<(), BuildError> {
         let Left::Nothing = self.left else { return Ok(()) };
-        let source = stage()?;
+        let mut source = stage()?;
+        self.painted = source.painted.take();
         self.known = Known { facts: Facts::of(&source), repairs: ingest::repairs(&source) };
         self.leave(Left::Ingested(Box::new(source)))
     }
@@ -120,10 +122,11 @@ impl<'a> Work<'a> {
                 return Ok(());
             }
         };
-        let (known, context, checkpoints) = (&self.known, self.context, &mut *self.checkpoints);
+        let (known, painted) = (&self.known, self.painted.as_ref());
+        let (context, checkpoints) = (self.context, &mut *self.checkpoints);
         let built = stage(arranged, begun, &mut |arranged, levels| {
             let left = LeftRef::Arranged(arranged, Some(levels));
-            checkpoints.offer(context, false, &Point { known, left })
+            checkpoints.offer(context, false, &Point { known, painted, left })
         })?;
         self.leave(Left::Simplified(built))
     }
@@ -132,9 +135,9 @@ impl<'a> Work<'a> {
     ///
     /// # Panics
     /// Before [`Work::simplify`].
-    pub(crate) fn finish(self) -> (Known, Built) {
+    pub(crate) fn finish(self) -> (Known, Option<Painted>, Built) {
         match self.left {
-            Left::Simplified(built) => (self.known, built),
+            Left::Simplified(built) => (self.known, self.painted, built),
             _ => unreachable!("the stages are run in order"),
         }
     }
@@ -143,7 +146,8 @@ impl<'a> Work<'a> {
     fn leave(&mut self, left: Left) -> Result<(), BuildError> {
         self.left = left;
         let last = matches!(self.left, Left::Simplified(..));
-        let point = Point { known: &self.known, left: LeftRef::of(&self.left) };
+        let painted = self.painted.as_ref();
+        let point = Point { known: &self.known, painted, left: LeftRef::of(&self.left) };
         self.checkpoints.offer(self.context, last, &point)
     }
 }

@@ -29,6 +29,8 @@ pub(super) struct Arrays {
     /// Of sources with images.
     pub(super) texels: Option<Texels>,
     has_colors: bool,
+    /// Whether textured triangles are kept.
+    pub(super) keeps_wedges: bool,
     store: Store,
 }
 
@@ -76,6 +78,7 @@ impl Arrays {
             corner_normals: None,
             texels: None,
             has_colors: format.attributes.colors,
+            keeps_wedges: false,
             store: store.clone(),
         })
     }
@@ -142,7 +145,7 @@ impl Arrays {
         if !batch.textured.is_empty() {
             let texels = match self.texels.take() {
                 Some(texels) => texels,
-                None => Texels::new(&self.store, self.has_colors)?,
+                None => Texels::new(&self.store, self.has_colors, self.keeps_wedges)?,
             };
             self.texels.insert(texels).take(&batch.textured, vertices)?;
         }

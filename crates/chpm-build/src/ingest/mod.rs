@@ -5,11 +5,12 @@ mod components;
 mod intake;
 mod lattice;
 mod local;
+mod painted;
 mod small;
 mod texels;
 mod used;
 
-use crate::config::{Normals, Positions, Settings};
+use crate::config::{Normals, Positions, Settings, Texture};
 use crate::context::Context;
 use crate::error::BuildError;
 use crate::report::SmallComponents;
@@ -22,6 +23,7 @@ use chpm_import::{Beside, Input, SourceError, SourceInfo, Supply};
 use chpm_mesh::{Aabb, Attributes, Scalar, scalar_places};
 use intake::{Arrays, Far, Marks};
 use local::Local;
+pub(crate) use painted::{Painted, Wedge, place_of};
 use serde::{Deserialize, Serialize};
 use used::Used;
 
@@ -38,6 +40,9 @@ pub(crate) struct Source {
     /// Taken down when the source has been read, and not part of a record.
     #[serde(skip)]
     pub(crate) facts: SourceFacts,
+    /// Paint of its triangles, where clusters are to have sheets; taken from it, too.
+    #[serde(skip)]
+    pub(crate) painted: Option<Painted>,
 }
 
 /// Facts about a source that no later stage works with.
@@ -80,6 +85,7 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
 
     let kept = kept(format.attributes, settings);
     let mut arrays = Arrays::expecting(&input, supply.len(), kept, &context.store)?;
+    arrays.keeps_wedges = settings.texture == Texture::Sheets;
     let mut marks = Marks::new(&context.store)?;
     arrays.fill(&mut marks, &mut input, context)?;
     let Arrays { vertices, doubles, mut triangles, polygons, corner_normals, texels, .. } = arrays;
@@ -111,8 +117,9 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
         None => (None, None),
     };
     vertices.normals = vertices.normals.or(corner_normals);
-    let mut images = None;
-    if let (Some(texels), Some(textures)) = (texels, &read.textures) {
+    let (mut images, mut wedges) = (None, None);
+    if let (Some(mut texels), Some(textures)) = (texels, &read.textures) {
+        wedges = texels.kept(textures, supply, context)?.map(|kept| (kept, textures.materials.clone()));
         let own = vertices.colors.as_ref();
         vertices.colors = Some(texels.finish(textures, own, count, supply, context)?);
         images = Some(textures.images.len() as u64);
@@ -138,12 +145,22 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
             (Positions::Lattice(bits), false) => lattice::round(&vertices.positions, bits, &used, context)?,
         };
     vertices.positions = positions;
+    let painted = wedges.map(|((triangles, tiles), materials)| {
+        Painted::new(&triangles, &vertices.positions, materials, tiles, context)
+    });
+    let painted = painted.transpose()?;
     let provenance = provenance(&read);
     let SourceInfo { tally, mut warnings, .. } = read;
     warnings.extend(warning);
     warnings.extend(of_normals);
     let facts = SourceFacts { origin, lattice_step, tally, small, warnings, provenance, scalars, images };
-    Ok(Source { vertices, triangles, bounds, rounding, facts })
+    Ok(Source { vertices, triangles, bounds, rounding, facts, painted })
+}
+
+/// Where vertices are, as the file has them.
+fn places_of(positions: &Column<[f32; 3]>) -> impl FnMut(u32) -> Result<[f32; 3], BuildError> {
+    let mut positions = Cached::new(positions);
+    move |vertex| Ok(positions.get(vertex as usize)?.unwrap_or_default())
 }
 
 /// Where vertices are; zero where there is none, as it is for all that comes after.

@@ -5,7 +5,7 @@ use crate::context::Context;
 use crate::error::BuildError;
 use chpm_extmem::{BufferWriter, Column, Store};
 use chpm_import::{Supply, Textures};
-use chpm_texture::{Averager, TextureError, TexturedTriangle, srgb_product};
+use chpm_texture::{Averager, TextureError, TexturedTriangle, Tiles, srgb_product};
 
 /// Vertices that are coloured at once.
 const WINDOW: usize = 1 << 14;
@@ -15,18 +15,39 @@ pub(super) struct Texels {
     averager: Averager,
     /// Vertices that they have, where others may have colours of their own.
     painted: Option<Used>,
+    /// All of them, where they are to be painted each by itself.
+    kept: Option<BufferWriter<TexturedTriangle>>,
 }
 
 impl Texels {
-    /// None yet, of a source whose vertices have colours of their own or not.
-    pub(super) fn new(store: &Store, has_colors: bool) -> Result<Self, BuildError> {
+    /// None yet, of a source whose vertices have colours of their own or not; they are kept if `keeps`.
+    pub(super) fn new(store: &Store, has_colors: bool, keeps: bool) -> Result<Self, BuildError> {
         let painted = has_colors.then(|| Used::new(store)).transpose()?;
         let averager = Averager::new(store).map_err(|error| failed(error, |_| String::new()))?;
-        Ok(Texels { averager, painted })
+        let kept = keeps.then(|| BufferWriter::new(store, "textured triangles", 0)).transpose()?;
+        Ok(Texels { averager, painted, kept })
+    }
+
+    /// Those that were kept, and the texels of all images.
+    pub(super) fn kept(
+        &mut self,
+        textures: &Textures,
+        supply: &Supply,
+        context: &Context<'_>,
+    ) -> Result<Option<(Column<TexturedTriangle>, Tiles)>, BuildError> {
+        let Some(kept) = self.kept.take() else { return Ok(None) };
+        let images = &textures.images;
+        let mut open = |image: u32| images[image as usize].open();
+        let tiles = Tiles::read(&context.store, images.len(), &mut open, &context.cancel);
+        let tiles = tiles.map_err(|error| failed(error, |image| named(textures, supply, image)))?;
+        Ok(Some((kept.finish_column()?, tiles)))
     }
 
     /// Takes triangles of so many vertices up to now.
     pub(super) fn take(&mut self, triangles: &[TexturedTriangle], vertices: usize) -> Result<(), BuildError> {
+        if let Some(kept) = &mut self.kept {
+            kept.extend_from_slice(triangles)?;
+        }
         for triangle in triangles {
             self.averager.push(triangle).map_err(|error| failed(error, |_| String::new()))?;
             if let Some(painted) = &mut self.painted {
@@ -48,11 +69,7 @@ impl Texels {
         let images = &textures.images;
         let mut open = |image: u32| images[image as usize].open();
         let averaged = self.averager.finish(&textures.materials, &mut open, vertices, &context.cancel);
-        let averaged = averaged.map_err(|error| {
-            failed(error, |image| {
-                format!("{}: image '{}'", supply.path.display(), images[image as usize].name)
-            })
-        })?;
+        let averaged = averaged.map_err(|error| failed(error, |image| named(textures, supply, image)))?;
 
         let mut colors = BufferWriter::new(&context.store, "colours of vertices", vertices)?;
         let (mut scratch, mut own_scratch) = (Vec::new(), Vec::new());
@@ -75,6 +92,10 @@ impl Texels {
         }
         Ok(colors.finish_column()?)
     }
+}
+
+fn named(textures: &Textures, supply: &Supply, image: u32) -> String {
+    format!("{}: image '{}'", supply.path.display(), textures.images[image as usize].name)
 }
 
 fn failed(error: TextureError, name: impl Fn(u32) -> String) -> BuildError {

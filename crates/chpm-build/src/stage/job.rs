@@ -255,7 +255,7 @@ impl Job<'_> {
         let remnants = simplify::REMNANT_BYTES * built.clusters.remnant_count() as u64;
         let _remnants = self.context.store.budget.reserve_work("remnants", remnants)?;
         let order = self.folder.read::<Vec<u32>>(Step::Layout, None)?.record;
-        let file = Output::begin(out, &order, &built, &known, self.settings())?;
+        let file = Output::begin(out, &order, &built, &known, None, self.settings())?;
 
         let (mut records, mut page) = (Vec::with_capacity(order.len()), Vec::new());
         for share in Share::all(self.plan.record.parts) {

@@ -12,7 +12,7 @@ mod work;
 pub use step::{MOST_PARTS, Share, Step};
 pub use work::work;
 
-use crate::config::{Resources, Settings};
+use crate::config::{Resources, Settings, Texture};
 use crate::emit::{Facts, Known};
 use crate::error::BuildError;
 use crate::fingerprint::Fingerprint;
@@ -77,6 +77,9 @@ pub fn plan(
     progress: &dyn BuildProgress,
     cancel: &Cancel,
 ) -> Result<StepReport, BuildError> {
+    if settings.texture == Texture::Sheets {
+        return Err(BuildError::NoSheets { setting: "chpm stage" });
+    }
     let failed = |error| ExtmemError::io("make the folder", folder, 0, error);
     std::fs::create_dir_all(folder).map_err(failed)?;
     let clock = Timer::start();

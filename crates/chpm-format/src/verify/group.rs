@@ -3,7 +3,7 @@
 
 use super::cluster::{self, Scratch};
 use super::shared::SharedIds;
-use super::{Invariant, Report};
+use super::{Invariant, Report, sheets};
 use crate::error::FilePart;
 use crate::page::Page;
 use crate::page_buf::PageBuf;
@@ -53,6 +53,7 @@ impl GroupCheck {
             match file.page_checked(cluster) {
                 Ok(page) => {
                     cluster::check(file, cluster, &page.view(), &mut self.scratch, shared, report);
+                    sheets::check(file, cluster, &page.view(), report);
                     report.good_pages += 1;
                     report.triangles += page.view().triangles.len() as u64;
                     coarse.push(page);

@@ -147,7 +147,7 @@ fn section_tables_that_lie_are_refused() {
     assert!(entry(0, offset_of!(SectionEntry, len), &huge).contains("cut short"));
     assert!(entry(0, offset_of!(SectionEntry, count), &huge).contains("count * record_len"));
     assert!(entry(0, offset_of!(SectionEntry, record_len), &[64]).contains("record_len"));
-    assert!(entry(1, offset_of!(SectionEntry, kind), &[9]).contains("unknown required feature 0x9"));
+    assert!(entry(1, offset_of!(SectionEntry, kind), &[11]).contains("unknown required feature 0xb"));
     // Kinds swapped: record lengths betray it. A section that becomes optional is missing.
     assert!(entry(0, offset_of!(SectionEntry, kind), &[2]).contains("record_len"));
     assert!(entry(4, offset_of!(SectionEntry, kind), &[9, 0, 0, 0x80]).contains("expected METADATA"));

@@ -14,6 +14,8 @@ mod remote;
 mod round_trip;
 /// Small files to test with.
 mod sample;
+/// Sheets: images of clusters, and where triangles are in them.
+mod sheets;
 /// The text of a file, and the specimen of FORMAT.md.
 mod text;
 /// Every invariant that `verify` knows is missed when it is broken.

@@ -1,6 +1,6 @@
 use chpm_format::{
     BoundaryMode, ChpmWriter, ClusterRecord, ErrorKind, Gaps, GroupRecord, Header, HeaderFields, LevelRecord,
-    Metadata, PageParts, SectionEntry, Source, Tables, checksum,
+    Metadata, PageParts, SectionEntry, SheetRecord, Source, Tables, checksum,
 };
 use chpm_mesh::{
     Aabb, Attributes, GroupId, Level, Octahedral, Scalar, ScalarKind, ScalarRange, Sphere, VertexSlices,
@@ -106,6 +106,7 @@ impl Sample {
                 metadata: metadata(),
                 scalars,
                 remnants: Vec::new(),
+                sheets: Vec::new(),
             },
             pages,
         )
@@ -361,11 +362,12 @@ pub(crate) fn reseal(bytes: &mut [u8]) {
         let start = clusters.offset as usize;
         bytes[start..start + records.len() * 128].copy_from_slice(bytemuck::cast_slice(&records));
     }
+    reseal_sheets(bytes, &entries);
     reseal_chunks(bytes, &entries);
     for entry in &mut entries {
         let end = entry.offset.saturating_add(entry.len) as usize;
         if let Some(section) = bytes.get(entry.offset as usize..end)
-            && entry.kind != 6
+            && ![6, 9].contains(&entry.kind)
         {
             entry.checksum = checksum(section);
         }
@@ -379,6 +381,22 @@ pub(crate) fn reseal(bytes: &mut [u8]) {
 }
 
 /// Makes the checksums of the tables' chunks right again.
+fn reseal_sheets(bytes: &mut [u8], entries: &[SectionEntry]) {
+    let of_kind = |kind: u32| entries.iter().find(|entry| entry.kind == kind);
+    let (Some(records), Some(texels)) = (of_kind(8), of_kind(9)) else { return };
+    let range = records.offset as usize..records.offset.saturating_add(records.len) as usize;
+    let Some(table) = bytes.get(range.clone()) else { return };
+    let mut sheets: Vec<SheetRecord> = table.chunks_exact(64).map(bytemuck::pod_read_unaligned).collect();
+    for sheet in &mut sheets {
+        let start = texels.offset.saturating_add(sheet.offset);
+        let end = start.saturating_add(sheet.len());
+        if let Some(stored) = bytes.get(start as usize..end as usize) {
+            sheet.checksum = checksum(stored);
+        }
+    }
+    bytes[range.start..][..64 * sheets.len()].copy_from_slice(bytemuck::cast_slice(&sheets));
+}
+
 fn reseal_chunks(bytes: &mut [u8], entries: &[SectionEntry]) {
     let range = |kind: u32| {
         let entry = entries.iter().find(|entry| entry.kind == kind)?;

@@ -1,0 +1,310 @@
+//! `textured_pictures SIDE FOLDER MESH...`: pictures of meshes from six sides, `SIDE` pixels, and how near those of all others are to those of the first.
+//! `FILE.chpm@LEVEL` is a level of a file at its finest, `FILE.chpm@LEVEL-base` at its coarsest, with sheets; `colors:` in front takes colours of vertices.
+//! A rasteriser of its own: it shares the readers with what it judges, and no more.
+
+use chpm_extmem::{Cancel, FailPoints, MappedFile, MemoryBudget, Store};
+use chpm_format::Chpm;
+use chpm_image::{ImageRows, encode};
+use chpm_import::ply::{BatchKind, Options};
+use chpm_import::{Images, Input, Supply};
+use chpm_mesh::{ClusterId, Places};
+use chpm_texture::{Material, TexturedTriangle, Wrap};
+use std::error::Error;
+use std::fs;
+use std::io::Cursor;
+use std::path::Path;
+
+/// Samples of a pixel, each way.
+const FINE: usize = 3;
+
+#[derive(Default)]
+struct Mesh {
+    positions: Vec<[f64; 3]>,
+    colors: Vec<[u8; 4]>,
+    triangles: Vec<[u32; 3]>,
+    textured: Vec<TexturedTriangle>,
+    materials: Vec<Material>,
+    images: Vec<(Vec<[u8; 4]>, [usize; 2])>,
+}
+
+fn read(path: &Path) -> Result<Mesh, Box<dyn Error>> {
+    let folder = std::env::temp_dir();
+    let cancel = Cancel::default();
+    let store = Store::with_budget(&folder, MemoryBudget::new(4 << 30))?;
+    let supply = Supply::take(path, &folder, &FailPoints::default(), &cancel)?;
+    let options = Options { colors: true, images: Images::Grey, ..Options::default() };
+    let mut input = Input::of(&supply, options, &store, &cancel)?;
+    let mut mesh = Mesh::default();
+    let mut batch = Default::default();
+    while input.next_batch(&mut batch)? != BatchKind::End {
+        mesh.positions.extend(batch.vertices.positions.iter().map(|p| p.map(f64::from)));
+        mesh.positions.extend(&batch.positions_f64);
+        mesh.colors.extend(&batch.vertices.colors);
+        mesh.triangles.extend(&batch.triangles);
+        mesh.textured.extend(&batch.textured);
+    }
+    mesh.textured.extend(&batch.textured);
+    if let Some(textures) = input.finish()?.textures {
+        for image in &textures.images {
+            let mut rows = ImageRows::open(image.open()?, u64::MAX)?;
+            let mut pixels = Vec::new();
+            let size = rows.size().map(|side| side as usize);
+            rows.read_rows(size[1], &mut pixels)?;
+            mesh.images.push((pixels, size));
+        }
+        mesh.materials = textures.materials;
+    }
+    Ok(mesh)
+}
+
+/// Clusters of a level, with their sheets or with colours of vertices.
+fn read_level(path: &str, level: &str, with_sheets: bool) -> Result<Mesh, Box<dyn Error>> {
+    let file = Chpm::open(MappedFile::open(path.as_ref())?)?;
+    let (level, is_base) = level.strip_suffix("-base").map_or((level, false), |level| (level, true));
+    let level: u32 = level.parse()?;
+    let mut mesh = Mesh::default();
+    let origin = file.header().origin;
+    for (id, record) in (0..).map(ClusterId).zip(file.clusters()).filter(|(_, record)| record.level == level)
+    {
+        let page = file.page(id)?;
+        let page = page.view();
+        let first = mesh.positions.len() as u32;
+        let wide = |p: &[f32; 3]| std::array::from_fn(|i| f64::from(p[i]) + origin[i]);
+        mesh.positions.extend(page.positions.iter().map(wide));
+        mesh.colors.extend(page.colors);
+        let mut places = Places::default();
+        let at = if is_base { record.base_vertex_count } else { record.vertex_count };
+        places.go_to(&page.progressive_mesh(), at as usize);
+        let sheet = file.sheet(id)?.filter(|_| with_sheets);
+        for (number, corners) in page.triangles.iter().enumerate() {
+            let corners = corners.map(|corner| places.of(corner));
+            if !chpm_mesh::pm::is_alive(&corners) {
+                continue;
+            }
+            let vertices = corners.map(|corner| first + u32::from(corner));
+            mesh.triangles.push(vertices);
+            if let Some(sheet) = &sheet {
+                let chart = &sheet.layout.charts[usize::from(sheet.layout.chart_of[number])];
+                let uv = corners.map(|corner| {
+                    let [x, y] = chart.place(sheet.layout.origin, page.positions[usize::from(corner)]);
+                    let [width, height] = sheet.record.size.map(f64::from);
+                    [(x / width) as f32, (1.0 - y / height) as f32]
+                });
+                mesh.textured.push(TexturedTriangle { vertices, uv, material: mesh.materials.len() as u32 });
+            }
+        }
+        if let Some(sheet) = &sheet {
+            let image = Some(mesh.images.len() as u32);
+            mesh.materials.push(Material { image, factor: [1.0; 4], wrap: [Wrap::Clamp; 2] });
+            let mut rows = ImageRows::open(Cursor::new(sheet.image.to_vec()), u64::MAX)?;
+            let (size, mut pixels) = (rows.size().map(|side| side as usize), Vec::new());
+            rows.read_rows(size[1], &mut pixels)?;
+            mesh.images.push((pixels, size));
+        }
+    }
+    Ok(mesh)
+}
+
+fn read_any(name: &str) -> Result<Mesh, Box<dyn Error>> {
+    let (with_sheets, name) = name.strip_prefix("colors:").map_or((true, name), |name| (false, name));
+    match name.split_once(".chpm@") {
+        Some((path, level)) => read_level(&format!("{path}.chpm"), level, with_sheets),
+        None => read(name.as_ref()),
+    }
+}
+
+fn light(value: f64) -> f64 {
+    if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
+}
+
+fn srgb(light: f64) -> f64 {
+    if light <= 0.003_130_8 { light * 12.92 } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 }
+}
+
+impl Mesh {
+    /// Light of a texture at a place, bilinear.
+    fn texel(&self, material: &Material, [u, v]: [f64; 2], table: &[f64; 256]) -> [f64; 3] {
+        let Some(image) = material.image else {
+            return [0, 1, 2].map(|i| light(f64::from(material.factor[i])));
+        };
+        let (pixels, size) = &self.images[image as usize];
+        let at = [u * size[0] as f64 - 0.5, (1.0 - v) * size[1] as f64 - 0.5];
+        let low = at.map(f64::floor);
+        let mut sum = [0.0; 3];
+        for (dy, dx) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            let inside = |axis: usize, d: i64| {
+                let (place, side) = (low[axis] as i64 + d, size[axis] as i64);
+                match material.wrap[axis] {
+                    Wrap::Clamp => place.clamp(0, side - 1),
+                    _ => place.rem_euclid(side),
+                }
+            };
+            let part = |axis: usize, d: i64| {
+                if d == 0 { 1.0 - (at[axis] - low[axis]) } else { at[axis] - low[axis] }
+            };
+            let pixel = pixels[inside(1, dy) as usize * size[0] + inside(0, dx) as usize];
+            (0..3).for_each(|i| sum[i] += part(0, dx) * part(1, dy) * table[usize::from(pixel[i])]);
+        }
+        let tint = [0, 1, 2].map(|i| light(f64::from(material.factor[i].clamp(0.0, 1.0))));
+        [0, 1, 2].map(|i| sum[i] * tint[i])
+    }
+
+    /// A picture along an axis: colours, and whether anything is seen.
+    fn picture(
+        &self,
+        view: usize,
+        (low, high): ([f64; 3], [f64; 3]),
+        side: usize,
+    ) -> (Vec<[f64; 3]>, Vec<bool>) {
+        let table: [f64; 256] = std::array::from_fn(|value| light(value as f64 / 255.0));
+        let (axis, sign) = (view / 2, if view % 2 == 0 { 1.0 } else { -1.0 });
+        let (right, down) = ((axis + 1) % 3, (axis + 2) % 3);
+        let extent = (high[right] - low[right]).max(high[down] - low[down]);
+        let fine = side * FINE;
+        let scale = fine as f64 / extent;
+        let flat = |p: [f64; 3]| {
+            let x = (p[right] - low[right]) * scale;
+            [if sign > 0.0 { x } else { fine as f64 - x }, (high[down] - p[down]) * scale, sign * p[axis]]
+        };
+        let mut depth = vec![f64::NEG_INFINITY; fine * fine];
+        let mut lights = vec![[0.0; 3]; fine * fine];
+        let mut draw = |corners: [u32; 3], shade: &dyn Fn([f64; 3]) -> [f64; 3]| {
+            let [a, b, c] = corners.map(|v| flat(self.positions[v as usize]));
+            let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+            if area == 0.0 {
+                return;
+            }
+            let range = |i: usize| {
+                let (low, high) = (a[i].min(b[i]).min(c[i]), a[i].max(b[i]).max(c[i]));
+                (low.max(0.0) as usize, (high.ceil().max(0.0) as usize).min(fine))
+            };
+            let ((x0, x1), (y0, y1)) = (range(0), range(1));
+            for (y, x) in (y0..y1).flat_map(|y| (x0..x1).map(move |x| (y, x))) {
+                let p = [x as f64 + 0.5, y as f64 + 0.5];
+                let part = |p: [f64; 2], q: [f64; 3], r: [f64; 3]| {
+                    ((q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])) / area
+                };
+                let parts = [part(p, b, c), part(p, c, a), part(p, a, b)];
+                if parts.iter().any(|part| *part < 0.0) {
+                    continue;
+                }
+                let z = parts[0] * a[2] + parts[1] * b[2] + parts[2] * c[2];
+                if z > depth[y * fine + x] {
+                    depth[y * fine + x] = z;
+                    lights[y * fine + x] = shade(parts);
+                }
+            }
+        };
+        for triangle in &self.textured {
+            let Some(material) = self.materials.get(triangle.material as usize) else { continue };
+            draw(triangle.vertices, &|parts| {
+                let uv = [0, 1].map(|i| (0..3).map(|c| parts[c] * f64::from(triangle.uv[c][i])).sum());
+                self.texel(material, uv, &table)
+            });
+        }
+        if self.textured.is_empty() {
+            for triangle in &self.triangles {
+                let colors = triangle.map(|v| self.colors.get(v as usize).copied().unwrap_or([128; 4]));
+                draw(*triangle, &|parts| {
+                    [0, 1, 2].map(|i| (0..3).map(|c| parts[c] * table[usize::from(colors[c][i])]).sum())
+                });
+            }
+        }
+        let (mut picture, mut seen) = (Vec::new(), Vec::new());
+        for (y, x) in (0..side).flat_map(|y| (0..side).map(move |x| (y, x))) {
+            let all: Vec<usize> =
+                (0..FINE * FINE).map(|i| (y * FINE + i / FINE) * fine + x * FINE + i % FINE).collect();
+            seen.push(all.iter().all(|at| depth[*at] > f64::NEG_INFINITY));
+            let sum = [0, 1, 2].map(|i| all.iter().map(|at| lights[*at][i]).sum::<f64>());
+            picture.push(sum.map(|sum| srgb(sum / (FINE * FINE) as f64) * 255.0));
+        }
+        (picture, seen)
+    }
+}
+
+/// PSNR over what both see, and the mean SSIM of squares of 8 pixels.
+fn nearness(
+    a: &(Vec<[f64; 3]>, Vec<bool>),
+    b: &(Vec<[f64; 3]>, Vec<bool>),
+    side: usize,
+) -> Option<(f64, f64, f64)> {
+    let both: Vec<bool> = a.1.iter().zip(&b.1).map(|(a, b)| *a && *b).collect();
+    let count = both.iter().filter(|both| **both).count();
+    let either = a.1.iter().zip(&b.1).filter(|(a, b)| **a || **b).count();
+    let squares = (0..both.len())
+        .filter(|at| both[*at])
+        .map(|at| (0..3).map(|i| (a.0[at][i] - b.0[at][i]).powi(2)).sum::<f64>() / 3.0);
+    let error = squares.sum::<f64>() / count.max(1) as f64;
+    let gray = |picture: &[[f64; 3]], at: usize| {
+        0.299 * picture[at][0] + 0.587 * picture[at][1] + 0.114 * picture[at][2]
+    };
+    let (mut sum, mut windows) = (0.0, 0);
+    for (y, x) in (0..side - 7).step_by(4).flat_map(|y| (0..side - 7).step_by(4).map(move |x| (y, x))) {
+        let all: Vec<usize> = (0..64).map(|i| (y + i / 8) * side + x + i % 8).collect();
+        if !all.iter().all(|at| both[*at]) {
+            continue;
+        }
+        let mean = |f: &dyn Fn(usize) -> f64| all.iter().map(|at| f(*at)).sum::<f64>() / 64.0;
+        let (p, q) = (mean(&|at| gray(&a.0, at)), mean(&|at| gray(&b.0, at)));
+        let (pp, qq) = (mean(&|at| (gray(&a.0, at) - p).powi(2)), mean(&|at| (gray(&b.0, at) - q).powi(2)));
+        let pq = mean(&|at| (gray(&a.0, at) - p) * (gray(&b.0, at) - q));
+        let (c1, c2) = ((0.01 * 255.0f64).powi(2), (0.03 * 255.0f64).powi(2));
+        sum += (2.0 * p * q + c1) * (2.0 * pq + c2) / ((p * p + q * q + c1) * (pp + qq + c2));
+        windows += 1;
+    }
+    (count > 0).then(|| {
+        (
+            10.0 * (255.0f64.powi(2) / error).log10(),
+            sum / f64::from(windows.max(1)),
+            count as f64 / either as f64,
+        )
+    })
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let words: Vec<String> = std::env::args().collect();
+    let [_, side, folder, first, others @ ..] = &words[..] else {
+        return Err("textured_pictures SIDE FOLDER MESH...".into());
+    };
+    let (side, folder): (usize, &Path) = (side.parse()?, folder.as_ref());
+    fs::create_dir_all(folder)?;
+    let source = read_any(first)?;
+    let mut bounds = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for corner in source.triangles.as_flattened() {
+        let p = source.positions[*corner as usize];
+        bounds =
+            (std::array::from_fn(|i| bounds.0[i].min(p[i])), std::array::from_fn(|i| bounds.1[i].max(p[i])));
+    }
+    let mut meshes = vec![source];
+    for other in others {
+        meshes.push(read_any(other)?);
+    }
+    for view in 0..6 {
+        let mut pictures = Vec::new();
+        for (number, mesh) in meshes.iter().enumerate() {
+            let picture = mesh.picture(view, bounds, side);
+            let pixels: Vec<[u8; 4]> =
+                (picture.0.iter().zip(&picture.1))
+                    .map(|([r, g, b], seen)| {
+                        if *seen {
+                            [*r, *g, *b, 255.0].map(|x| (x + 0.5) as u8)
+                        } else {
+                            [255, 255, 255, 254]
+                        }
+                    })
+                    .collect();
+            let image = encode(&pixels, [side as u16; 2])?;
+            fs::write(folder.join(format!("view{view}-{number}.png")), image.bytes)?;
+            pictures.push(picture);
+        }
+        for (other, picture) in others.iter().zip(&pictures[1..]) {
+            if let Some((psnr, ssim, share)) = nearness(&pictures[0], picture, side) {
+                println!(
+                    "view {view} {other}: PSNR {psnr:.2} dB, SSIM {ssim:.4}, {:.2} % in both",
+                    100.0 * share
+                );
+            }
+        }
+    }
+    Ok(())
+}

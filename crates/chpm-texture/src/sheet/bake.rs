@@ -1,0 +1,265 @@
+//! Baking: texels get the colours of the surface that they are of.
+
+use super::directions::Faces;
+use super::fill::Patch;
+use super::plan::{Paint, Plan, Surface};
+use super::raster::spans;
+use super::sample::{Pixels, Samples};
+use super::vector::dot;
+use crate::{TextureError, srgb_product};
+use chpm_mesh::Chart;
+
+/// Places of the samples of a texel.
+const SAMPLES: [[f64; 2]; 4] = [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]];
+/// Cosine with a chart's direction from which on the triangles of others may stand for what is not in the chart.
+const SEEN: f64 = 0.1;
+/// Where nothing is needed.
+const NONE: u32 = u32::MAX;
+
+/// A function of a place in a sheet: a constant and the differences a column and a row on.
+#[derive(Clone, Copy)]
+struct Slope {
+    at_zero: f64,
+    right: f64,
+    down: f64,
+}
+
+impl Slope {
+    /// The function with these values at the corners of a triangle; none if it has no area.
+    fn of(places: [[f64; 2]; 3], values: [f64; 3]) -> Option<Slope> {
+        let [a, b, c] = places;
+        let [[bx, by], [cx, cy]] = [b, c].map(|[x, y]| [x - a[0], y - a[1]]);
+        let area = bx * cy - by * cx;
+        let [v, w] = [values[1] - values[0], values[2] - values[0]];
+        let (right, down) = ((v * cy - w * by) / area, (w * bx - v * cx) / area);
+        let at_zero = values[0] - right * a[0] - down * a[1];
+        (right.is_finite() && down.is_finite() && at_zero.is_finite()).then_some(Slope {
+            at_zero,
+            right,
+            down,
+        })
+    }
+
+    fn at(&self, [x, y]: [f64; 2]) -> f64 {
+        self.at_zero + self.right * x + self.down * y
+    }
+}
+
+/// A triangle's paint as a function of a place in a sheet.
+enum Brush {
+    Image { image: u32, place: [Slope; 2], factor: [u8; 4] },
+    Colors([Slope; 4]),
+}
+
+impl Brush {
+    fn of(paint: &Paint, places: [[f64; 2]; 3]) -> Option<Brush> {
+        Some(match paint {
+            Paint::Image { image, corners, factor } => {
+                let [x, y] = [0, 1].map(|axis| Slope::of(places, corners.map(|corner| corner[axis])));
+                Brush::Image { image: *image, place: [x?, y?], factor: *factor }
+            }
+            Paint::Colors(colors) => {
+                let [r, g, b, a] =
+                    [0, 1, 2, 3].map(|part| Slope::of(places, colors.map(|color| f64::from(color[part]))));
+                Brush::Colors([r?, g?, b?, a?])
+            }
+        })
+    }
+
+    /// The colour of a texel.
+    fn color<P: Pixels + ?Sized>(
+        &self,
+        column: f64,
+        row: f64,
+        pixels: &mut P,
+    ) -> Result<[u8; 4], TextureError> {
+        match self {
+            Brush::Image { image, place: [x, y], factor } => {
+                let mut samples = Samples::default();
+                for [right, down] in SAMPLES {
+                    let at = [column + right, row + down];
+                    samples.add(pixels, *image, [x.at(at), y.at(at)])?;
+                }
+                Ok(multiplied(samples.color(SAMPLES.len() as i64), *factor))
+            }
+            Brush::Colors(slopes) => Ok(slopes
+                .each_ref()
+                .map(|slope| (slope.at([column + 0.5, row + 0.5]) + 0.5).clamp(0.0, 255.0) as u8)),
+        }
+    }
+}
+
+fn multiplied(color: [u8; 4], factor: [u8; 4]) -> [u8; 4] {
+    if factor == [255; 4] {
+        return color;
+    }
+    let [r, g, b] = std::array::from_fn(|i| srgb_product(color[i], factor[i]));
+    [r, g, b, ((u32::from(color[3]) * u32::from(factor[3]) + 127) / 255) as u8]
+}
+
+/// A sheet while it is filled.
+struct Canvas<'a> {
+    plan: &'a Plan,
+    surface: &'a Surface<'a>,
+    paints: &'a [Paint],
+    texels: Vec<[u8; 4]>,
+    known: Vec<bool>,
+}
+
+impl Plan {
+    /// The texels of the sheet, by rows from the top; `paints` has what each triangle of the finest mesh shows. Every texel gets a colour.
+    ///
+    /// # Errors
+    /// What reading pixels fails with.
+    pub fn bake<P: Pixels + ?Sized>(
+        &self,
+        surface: &Surface<'_>,
+        paints: &[Paint],
+        pixels: &mut P,
+    ) -> Result<Vec<[u8; 4]>, TextureError> {
+        let area = self.size[0] as usize * self.size[1] as usize;
+        let (texels, known) = (vec![[0, 0, 0, 255]; area], vec![false; area]);
+        let mut canvas = Canvas { plan: self, surface, paints, texels, known };
+        let faces = Faces::new(surface);
+        let mut of_chart: Vec<Vec<u32>> = vec![Vec::new(); self.charts.len()];
+        for (triangle, chart) in (0..).zip(&self.chart_of) {
+            of_chart[usize::from(*chart)].push(triangle);
+        }
+        let stride = self.size[0] as usize;
+        for (number, triangles) in of_chart.iter().enumerate() {
+            for triangle in triangles {
+                canvas.cover(number, *triangle, pixels)?;
+            }
+            canvas.cover_needed(number, triangles, &faces, pixels)?;
+            let rect = self.charts[number].rect.map(usize::from);
+            Patch { texels: &mut canvas.texels, known: &mut canvas.known, stride, rect }.fill();
+        }
+        let rect = [0, 0, stride, self.size[1] as usize];
+        Patch { texels: &mut canvas.texels, known: &mut canvas.known, stride, rect }.spread();
+        Ok(canvas.texels)
+    }
+}
+
+impl Canvas<'_> {
+    fn places(&self, chart: &Chart, corners: [u16; 3]) -> [[f64; 2]; 3] {
+        corners.map(|corner| chart.place(self.plan.origin, self.surface.positions[usize::from(corner)]))
+    }
+
+    /// Paints the texels of a triangle of a chart.
+    fn cover<P: Pixels + ?Sized>(
+        &mut self,
+        chart: usize,
+        triangle: u32,
+        pixels: &mut P,
+    ) -> Result<(), TextureError> {
+        let stride = self.plan.size[0] as usize;
+        let corners = self.surface.triangles[triangle as usize];
+        let places = self.places(&self.plan.charts[chart], corners);
+        let Some(brush) = Brush::of(&self.paints[triangle as usize], places) else { return Ok(()) };
+        let mut result = Ok(());
+        spans(places, |row, begin, end| {
+            for column in begin..end {
+                if result.is_err() {
+                    return;
+                }
+                match brush.color(column as f64, row as f64, pixels) {
+                    Ok(color) => {
+                        let at = row as usize * stride + column as usize;
+                        (self.texels[at], self.known[at]) = (color, true);
+                    }
+                    Err(error) => result = Err(error),
+                }
+            }
+        });
+        result
+    }
+
+    /// Paints texels that a coarser state of the chart's triangles has, and the finest has not: with the surface of the cluster that is nearest along the chart's
+    /// direction.
+    fn cover_needed<P: Pixels + ?Sized>(
+        &mut self,
+        number: usize,
+        triangles: &[u32],
+        faces: &Faces<'_>,
+        pixels: &mut P,
+    ) -> Result<(), TextureError> {
+        let (chart, direction) = (self.plan.charts[number], self.plan.directions[number]);
+        let stride = self.plan.size[0] as usize;
+        let [left, top, width, height] = chart.rect.map(usize::from);
+        // By texel of the rectangle: how deep the state is, how far the nearest surface, and which.
+        let mut needed: Vec<(f32, f32, u32)> = Vec::new();
+        let surface = self.surface;
+        let depths = |corners: [u16; 3]| surface.corners(corners).map(|corner| dot(corner, direction));
+        for triangle in triangles {
+            for state in surface.mesh().states(surface.triangles[*triangle as usize]).skip(1) {
+                let places = self.places(&chart, state);
+                let Some(depth) = Slope::of(places, depths(state)) else { continue };
+                spans(places, |row, begin, end| {
+                    for column in begin..end {
+                        if self.known[row as usize * stride + column as usize] {
+                            continue;
+                        }
+                        if needed.is_empty() {
+                            needed.resize(width * height, (f32::NAN, f32::INFINITY, NONE));
+                        }
+                        let at = (row as usize - top) * width + column as usize - left;
+                        if needed[at].0.is_nan() {
+                            needed[at].0 = depth.at([column as f64 + 0.5, row as f64 + 0.5]) as f32;
+                        }
+                    }
+                });
+            }
+        }
+        if needed.is_empty() {
+            return Ok(());
+        }
+
+        let bounds = chart.rect.map(f64::from);
+        for (triangle, corners) in (0..).zip(surface.triangles) {
+            if usize::from(self.plan.chart_of[triangle as usize]) == number
+                || dot(faces.normal(triangle), direction) < SEEN
+            {
+                continue;
+            }
+            let places = self.places(&chart, *corners);
+            let Some(places) = within(places, bounds) else { continue };
+            let Some(depth) = Slope::of(places, depths(*corners)) else { continue };
+            let [first, last] = [left as i64, (left + width) as i64];
+            spans(places, |row, begin, end| {
+                if !(top as i64..(top + height) as i64).contains(&row) {
+                    return;
+                }
+                for column in begin.max(first)..end.min(last) {
+                    let found = &mut needed[(row as usize - top) * width + column as usize - left];
+                    let far = (depth.at([column as f64 + 0.5, row as f64 + 0.5]) as f32 - found.0).abs();
+                    // What is not needed has no depth, and nothing is nearer than that.
+                    if far < found.1 {
+                        (found.1, found.2) = (far, triangle);
+                    }
+                }
+            });
+        }
+        for (at, (.., triangle)) in needed.iter().enumerate().filter(|(_, (.., triangle))| *triangle != NONE)
+        {
+            let places = self.places(&chart, surface.triangles[*triangle as usize]);
+            let (column, row) = (left + at % width, top + at / width);
+            if let Some(brush) = Brush::of(&self.paints[*triangle as usize], places) {
+                let at = row * stride + column;
+                (self.texels[at], self.known[at]) = (brush.color(column as f64, row as f64, pixels)?, true);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The places, if some of their box may be in a rectangle and none is so far away that it cannot be counted.
+fn within(places: [[f64; 2]; 3], [left, top, width, height]: [f64; 4]) -> Option<[[f64; 2]; 3]> {
+    let extent = |axis: usize| {
+        let all = places.map(|place| place[axis]);
+        (all[0].min(all[1]).min(all[2]), all[0].max(all[1]).max(all[2]))
+    };
+    let ((x0, x1), (y0, y1)) = (extent(0), extent(1));
+    let meets = x1 >= left && x0 <= left + width && y1 >= top && y0 <= top + height;
+    let near = x0 > -1e6 && y0 > -1e6 && x1 < 1e6 && y1 < 1e6;
+    (meets && near).then_some(places)
+}

@@ -1,0 +1,203 @@
+//! Images cut into tiles, which lie on disk where there is no memory for them, to be read anywhere.
+
+use crate::footprint::inside;
+use crate::images::{OpenImage, open_within};
+use crate::sheet::{Pixels, Region};
+use crate::texels::{Texel, texel};
+use crate::{Material, TextureError, Wrap};
+use chpm_extmem::{Cancel, ExtmemError, Spool, Store};
+use serde::{Deserialize, Serialize};
+
+/// Texels of a tile's side.
+const SIDE: usize = 64;
+const TEXELS: usize = SIDE * SIDE;
+const BYTES: usize = TEXELS * size_of::<[u8; 4]>();
+/// Tiles that a reader has at hand.
+const AT_HAND: usize = 128;
+const NO_TILE: u64 = u64::MAX;
+
+/// All texels of some images.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct Tiles {
+    images: Vec<Grid>,
+    texels: Spool,
+}
+
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+struct Grid {
+    size: [u32; 2],
+    /// Tiles from its first row to the next, and before it.
+    columns: u64,
+    first: u64,
+}
+
+impl Tiles {
+    /// Reads `count` images, one after the other, strip by strip.
+    ///
+    /// # Errors
+    /// [`TextureError`]: of images, of the disk, or that it was to stop.
+    pub fn read(
+        store: &Store,
+        count: usize,
+        open_image: &mut OpenImage<'_>,
+        cancel: &Cancel,
+    ) -> Result<Self, TextureError> {
+        let texels = Spool::named(store, "texels of images", "texels-of-images");
+        let (mut images, mut first) = (Vec::new(), 0);
+        let (mut pixels, mut tile) = (Vec::new(), vec![[0; 4]; TEXELS]);
+        for image in 0..count as u32 {
+            let strip = |[width, _]: [u32; 2]| u64::from(width) * (SIDE * size_of::<[u8; 4]>()) as u64;
+            let (mut rows, _memory) = open_within(store, image, strip, open_image)?;
+            let size = rows.size();
+            let width = size[0] as usize;
+            let columns = width.div_ceil(SIDE) as u64;
+            images.push(Grid { size, columns, first });
+            loop {
+                cancel.check()?;
+                let read = rows.read_rows(SIDE, &mut pixels);
+                let height = read.map_err(|source| TextureError::Image { image, source })?;
+                if height == 0 {
+                    break;
+                }
+                for column in (0..width).step_by(SIDE) {
+                    for (row, out) in tile.chunks_exact_mut(SIDE).enumerate().take(height) {
+                        let begin = row * width + column;
+                        let some = &pixels[begin..begin + SIDE.min(width - column)];
+                        out[..some.len()].copy_from_slice(some);
+                    }
+                    texels.append(bytemuck::cast_slice(&tile))?;
+                    first += 1;
+                }
+            }
+        }
+        Ok(Tiles { images, texels })
+    }
+
+    /// Width and height of an image.
+    pub fn size(&self, image: u32) -> [u32; 2] {
+        self.images[image as usize].size
+    }
+}
+
+/// Reads images through the materials of triangles, whose numbers [`Pixels`] gets.
+pub struct TileReader<'a> {
+    tiles: &'a Tiles,
+    materials: &'a [Material],
+    /// By place at hand, which tile is there.
+    which: Vec<u64>,
+    texels: Vec<Texel>,
+    bytes: Vec<u8>,
+}
+
+impl<'a> TileReader<'a> {
+    /// Bytes that a reader holds.
+    pub const BYTES: u64 = (AT_HAND * TEXELS * size_of::<Texel>() + BYTES) as u64;
+
+    /// A reader with nothing at hand.
+    pub fn new(tiles: &'a Tiles, materials: &'a [Material]) -> Self {
+        let texels = vec![[0; 4]; AT_HAND * TEXELS];
+        TileReader { tiles, materials, which: vec![NO_TILE; AT_HAND], texels, bytes: vec![0; BYTES] }
+    }
+
+    /// Texels of the tile at a column and row of tiles.
+    fn tile(&mut self, grid: &Grid, column: u64, row: u64) -> Result<&[Texel], ExtmemError> {
+        let number = grid.first + row * grid.columns + column;
+        let place = (column % 16 + row % 8 * 16) as usize;
+        let texels = &mut self.texels[place * TEXELS..][..TEXELS];
+        if self.which[place] != number {
+            self.which[place] = NO_TILE;
+            self.tiles.texels.read_exact(number * BYTES as u64, &mut self.bytes)?;
+            for (to, from) in texels.iter_mut().zip(self.bytes.as_chunks().0) {
+                *to = texel(from);
+            }
+            self.which[place] = number;
+        }
+        Ok(texels)
+    }
+
+    fn texel(&mut self, grid: &Grid, [column, row]: [i64; 2], wrap: [Wrap; 2]) -> Result<Texel, ExtmemError> {
+        let [x, y] = [(column, 0), (row, 1)]
+            .map(|(at, axis)| inside(at, i64::from(grid.size[axis]), wrap[axis]) as usize);
+        let tile = self.tile(grid, (x / SIDE) as u64, (y / SIDE) as u64)?;
+        Ok(tile[y % SIDE * SIDE + x % SIDE])
+    }
+}
+
+impl Pixels for TileReader<'_> {
+    fn region(&mut self, material: u32, column: i64, row: i64, out: &mut Region) -> Result<(), TextureError> {
+        let Material { image: Some(image), wrap, .. } = self.materials[material as usize] else {
+            return Ok(());
+        };
+        let grid = self.tiles.images[image as usize];
+        let [width, height] = grid.size.map(i64::from);
+        let in_one = |at: i64, side: i64| at >= 0 && at + 4 <= side && at as usize % SIDE <= SIDE - 4;
+        if in_one(column, width) && in_one(row, height) {
+            let (x, y) = (column as usize, row as usize);
+            let tile = self.tile(&grid, (x / SIDE) as u64, (y / SIDE) as u64)?;
+            for (line, out) in out.iter_mut().enumerate() {
+                let begin = (y % SIDE + line) * SIDE + x % SIDE;
+                out.copy_from_slice(&tile[begin..begin + 4]);
+            }
+            return Ok(());
+        }
+        for (line, out) in (row..).zip(out) {
+            for (at, out) in (column..).zip(out) {
+                *out = self.texel(&grid, [at, line], wrap)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::{self, BufRead, Cursor};
+
+    fn image(width: u32, height: u32) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, width, height);
+        encoder.set_color(png::ColorType::Rgb);
+        let pixels: Vec<u8> =
+            (0..width * height).flat_map(|at| [(at % width) as u8, (at / width) as u8, 9]).collect();
+        encoder.write_header().unwrap().write_image_data(&pixels).unwrap();
+        bytes
+    }
+
+    #[test]
+    fn any_texel_is_found_in_memory_and_on_disk() {
+        let sizes = [[200, 130], [5, 3], [64, 64]];
+        let mut open = |number: u32| -> io::Result<Box<dyn BufRead + Send>> {
+            let [width, height] = sizes[number as usize];
+            Ok(Box::new(Cursor::new(image(width, height))))
+        };
+        let wrap = [Wrap::Repeat, Wrap::Clamp];
+        let materials: Vec<Material> =
+            (0..3).map(|image| Material { image: Some(image), factor: [1.0; 4], wrap }).collect();
+        for limit in [0, 64 << 20] {
+            let dir = tempfile::tempdir().unwrap();
+            let store =
+                Store::with_budget(dir.path(), chpm_extmem::MemoryBudget::with_work_limit(limit, 64 << 20))
+                    .unwrap();
+            let tiles = Tiles::read(&store, 3, &mut open, &Cancel::default()).unwrap();
+            let mut reader = TileReader::new(&tiles, &materials);
+            let mut region = Region::default();
+            for (number, [width, height]) in (0..).zip(sizes) {
+                assert_eq!(tiles.size(number), [width, height]);
+                let [width, height] = [width, height].map(i64::from);
+                for (column, row) in
+                    (-9..height + 9).flat_map(|row| (-9..width + 9).map(move |column| (column, row)))
+                {
+                    reader.region(number, column, row, &mut region).unwrap();
+                    let expected = |x: i64, y: i64| {
+                        let (x, y) = ((column + x).rem_euclid(width), (row + y).clamp(0, height - 1));
+                        texel(&[x as u8, y as u8, 9, 255])
+                    };
+                    for (x, y) in [(0, 0), (3, 0), (1, 2), (3, 3)] {
+                        assert_eq!(region[y][x], expected(x as i64, y as i64), "{number} {column} {row}");
+                    }
+                }
+            }
+        }
+    }
+}

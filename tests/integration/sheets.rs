@@ -1,0 +1,330 @@
+//! Sheets: images of clusters, from the sources' images to a GLB with atlases.
+
+use super::harness::{Folder, was_killed};
+use std::fmt::Write;
+use std::process::Stdio;
+
+/// Squares of the image's board, each way, and their two colours.
+const SQUARES: u32 = 8;
+const LIGHT: [u8; 3] = [230, 200, 60];
+const DARK: [u8; 3] = [40, 60, 150];
+
+fn board(u: f64, v: f64) -> [u8; 3] {
+    let square = |x: f64| (x.rem_euclid(1.0) * f64::from(SQUARES)) as u32;
+    if (square(u) + square(v)).is_multiple_of(2) { LIGHT } else { DARK }
+}
+
+fn png(side: u32, color: impl Fn(f64, f64) -> Vec<u8>, kind: png::ColorType) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, side, side);
+    encoder.set_color(kind);
+    let at = |x: u32| (f64::from(x) + 0.5) / f64::from(side);
+    let pixels: Vec<u8> =
+        (0..side * side).flat_map(|pixel| color(at(pixel % side), 1.0 - at(pixel / side))).collect();
+    let mut writer = encoder.write_header().expect("a header");
+    writer.write_image_data(&pixels).expect("pixels");
+    drop(writer);
+    bytes
+}
+
+/// Hills over the unit square, with the board all over them.
+fn hills(side: usize, head: &str, uv: impl Fn(f64, f64) -> [f64; 2]) -> String {
+    let mut text = head.to_owned();
+    let at = |x: usize| x as f64 / side as f64;
+    for (x, y) in (0..=side).flat_map(|y| (0..=side).map(move |x| (at(x), at(y)))) {
+        let z = 0.05 * ((17.0 * x).sin() * (13.0 * y).cos());
+        let [u, v] = uv(x, y);
+        writeln!(text, "v {x} {y} {z}\nvt {u} {v}").expect("text");
+    }
+    for (x, y) in (0..side).flat_map(|y| (0..side).map(move |x| (x, y))) {
+        let [a, b] = [y, y + 1].map(|y| y * (side + 1) + x + 1);
+        writeln!(text, "f {a}/{a} {0}/{0} {1}/{1} {b}/{b}", a + 1, b + 1).expect("text");
+    }
+    text
+}
+
+const HEAD: &str = "mtllib a.mtl\nusemtl a\n";
+const BUILD: &str = "--texture sheets --cluster-triangles 512 -q";
+
+fn textured() -> Folder {
+    let folder = Folder::new();
+    folder.write("a.obj", hills(48, HEAD, |x, y| [x, y]));
+    folder.write("a.mtl", "newmtl a\nmap_Kd a.png\n");
+    folder.write("a.png", png(512, |u, v| board(u, v).to_vec(), png::ColorType::Rgb));
+    folder
+}
+
+/// Texels in the middle of squares of the board, held against it.
+fn check_board(folder: &Folder, glb: &str, place: impl Fn([f64; 2]) -> [f64; 2], least: usize) {
+    let mut seen = 0;
+    for (middle, color) in centers(folder, glb) {
+        let [u, v] = place(middle);
+        let in_middle = |x: f64| ((x.rem_euclid(1.0) * f64::from(SQUARES)).fract() - 0.5).abs() < 0.12;
+        if in_middle(u) && in_middle(v) {
+            seen += 1;
+            let expected = board(u, v);
+            let off = color.iter().zip(expected).map(|(a, b)| a.abs_diff(b)).max();
+            assert!(off <= Some(24), "{glb} at {middle:?}: {color:?}, not {expected:?}");
+        }
+    }
+    assert!(seen >= least, "{glb}: {seen} triangles");
+}
+
+#[test]
+fn sheets_leave_the_geometry_alone() {
+    let folder = textured();
+    for (name, texture) in [("sheets", "sheets"), ("vertices", "vertices"), ("none", "none")] {
+        let build = BUILD.replace("sheets", texture);
+        folder.stdout(&format!("build a.obj -o {name}.chpm {build}"));
+    }
+    folder.stdout("verify sheets.chpm --against a.obj --cuts 3 -q");
+    for other in ["vertices", "none"] {
+        let told = folder.stdout(&format!("verify sheets.chpm --same-as {other}.chpm --geometry -q"));
+        assert!(told.contains("has the geometry of"), "{told}");
+        folder.stderr(&format!("verify sheets.chpm --same-as {other}.chpm -q"), 1);
+    }
+    // Whoever does not draw sheets has the colours of vertices.
+    for ask in ["--error 0", "--triangles 700"] {
+        let taken = ["sheets", "vertices"].map(|name| {
+            folder.stdout(&format!("extract {name}.chpm {ask} -o {name}.ply -q -f"));
+            folder.read(&format!("{name}.ply"))
+        });
+        assert!(taken[0] == taken[1], "{ask}");
+    }
+    let told = folder.stdout("info sheets.chpm");
+    assert!(told.contains("sheets     ") && told.contains("CHPM 1.6"), "{told}");
+    assert!(!folder.stdout("info vertices.chpm").contains("sheets     "));
+    assert!(folder.stdout("dump sheets.chpm").contains("sheet of cluster 0 "));
+}
+
+#[test]
+fn any_memory_and_threads_give_the_same_sheets() {
+    let folder = textured();
+    let mut built = Vec::new();
+    for resources in ["", "--threads 1", "--threads 8 --memory 128M", "--threads 3 --memory 160M"] {
+        folder.stdout(&format!("build a.obj -o a.chpm -f {BUILD} {resources}"));
+        built.push(folder.read("a.chpm"));
+    }
+    assert!(built.windows(2).all(|two| two[0] == two[1]));
+}
+
+#[test]
+fn a_killed_build_goes_on_to_the_same_sheets() {
+    let folder = textured();
+    let build = format!("build a.obj -o a.chpm -f {BUILD} --checkpoint 0 --json");
+    folder.stdout(&build);
+    let whole = folder.read("a.chpm");
+    let mut resumed = 0;
+    for access in (40..400).step_by(60) {
+        let mut command = folder.command(&format!("{build} --kill-at {access}"));
+        let status = command.stdout(Stdio::null()).stderr(Stdio::null()).status().expect("a process");
+        if status.success() {
+            break;
+        }
+        assert!(was_killed(status), "at access {access}");
+        let report: serde_json::Value = serde_json::from_str(&folder.stdout(&build)).expect("a report");
+        resumed += usize::from(report["resumed_after"].is_string());
+        assert!(folder.read("a.chpm") == whole, "killed at access {access}");
+    }
+    assert!(resumed > 1, "{resumed}");
+}
+
+#[test]
+fn extracted_images_show_what_the_source_did() {
+    let folder = textured();
+    folder.stdout(&format!("build a.obj -o a.chpm {BUILD}"));
+    for (ask, least) in [("--error 0", 150), ("--triangles 1500", 40), ("--triangles 300", 6)] {
+        for side in [256, 2048] {
+            folder.stdout(&format!("extract a.chpm {ask} --texture-size {side} -o a.glb -q -f"));
+            check_board(&folder, "a.glb", |place| place, least);
+        }
+    }
+}
+
+#[test]
+fn layouts_take_sheets_along() {
+    let folder = textured();
+    folder.stdout(&format!("build a.obj -o a.chpm {BUILD}"));
+    for how in ["--pages packed", "--order levels", "--pages packed --order levels"] {
+        folder.stdout(&format!("relayout a.chpm -o b.chpm -q -f {how}"));
+        folder.stdout("verify b.chpm --same-as a.chpm -q");
+        folder.stdout("relayout b.chpm -o c.chpm -q -f --pages raw --order splits");
+        assert!(folder.read("c.chpm") == folder.read("a.chpm"), "{how}");
+    }
+    folder.stdout(&format!("build a.obj -o b.chpm -f {BUILD} --pages packed"));
+    folder.stdout("verify b.chpm --same-as a.chpm -q");
+    // Vertices have other numbers then.
+    folder.stdout(&format!("build a.obj -o b.chpm -f {BUILD} --order simplification"));
+    folder.stdout("verify b.chpm -q");
+}
+
+#[test]
+fn what_does_not_go_with_sheets_is_refused_in_words() {
+    let folder = textured();
+    for setting in ["--min-component 1%", "--finest-error 1%", "--order cache-oblivious"] {
+        let told = folder.stderr(&format!("build a.obj -o a.chpm {BUILD} {setting}"), 2);
+        let name = setting.split(' ').next().expect("a name");
+        assert!(told.contains(name) && told.contains("--texture vertices"), "{told}");
+        assert!(!folder.names().contains(&"a.chpm".to_owned()));
+    }
+    folder.stdout("build a.obj -o a.chpm -q");
+    let told = folder.stderr("extract a.chpm --error 0 --texture-size 512 -o a.glb -q", 2);
+    assert!(told.contains("has no sheets") && told.contains("--texture sheets"), "{told}");
+    folder.stdout(&format!("build a.obj -o a.chpm -f {BUILD}"));
+    let told = folder.stderr("extract a.chpm --error 0 --texture-size 512 -o a.ply -q", 2);
+    assert!(told.contains("GLB"), "{told}");
+}
+
+/// Sources as they come: each is built, verified, drawn, and shows what it should where that is known.
+#[test]
+fn hard_sources_have_sheets() {
+    let folder = textured();
+    let corner = |u: f64, v: f64| [if u > 0.9 { f64::NAN } else { u }, v];
+    let bare = hills(24, "mtllib a.mtl\n", |x, y| [x, y]) + "usemtl a\nf 1/1 2/2 30/30\n";
+    for (name, text) in [
+        ("nan", hills(24, HEAD, corner).replace("NaN", "nan")),
+        ("flat", hills(24, HEAD, |_, _| [0.3, 0.3])),
+        ("repeat", hills(24, HEAD, |x, y| [2.0 * x - 0.5, 2.0 * y - 0.5])),
+        ("mirrored", hills(24, HEAD, |x, y| [1.0 - x, y])),
+        ("bare", bare),
+    ] {
+        folder.write(&format!("{name}.obj"), text);
+        folder.stdout(&format!("build {name}.obj -o {name}.chpm {BUILD}"));
+        folder.stdout(&format!("verify {name}.chpm --against {name}.obj -q"));
+        let glb = format!("{name}.glb");
+        folder.stdout(&format!("extract {name}.chpm --triangles 500 --texture-size 1024 -o {glb} -q"));
+        match name {
+            "mirrored" => check_board(&folder, &glb, |[x, y]| [1.0 - x, y], 8),
+            "repeat" => check_board(&folder, &glb, |[x, y]| [2.0 * x - 0.5, 2.0 * y - 0.5], 8),
+            "flat" => check_board(&folder, &glb, |_| [0.3125, 0.3125], 200),
+            _ => assert!(centers(&folder, &glb).len() > 200, "{name}"),
+        }
+    }
+}
+
+/// Each triangle has a chart of its own in the source, in any order.
+#[test]
+fn sources_of_as_many_charts_as_triangles() {
+    let folder = textured();
+    let (side, across) = (16usize, 24usize);
+    let mut text = HEAD.to_owned();
+    let at = |x: usize| x as f64 / side as f64;
+    for (x, y) in (0..=side).flat_map(|y| (0..=side).map(move |x| (at(x), at(y)))) {
+        writeln!(text, "v {x} {y} {}", 0.1 * (3.0 * x).sin()).expect("text");
+    }
+    // Triangle n lies in the n-th square of a grid of the image, which has its colour.
+    let mut count = 0;
+    for (x, y) in (0..side).flat_map(|y| (0..side).map(move |x| (x, y))) {
+        let [a, b] = [y, y + 1].map(|y| y * (side + 1) + x + 1);
+        for [p, q, r] in [[a, a + 1, b + 1], [a, b + 1, b]] {
+            let place = |i: usize, j: usize| {
+                let [column, row] = [count * 7 % 576 % across, count * 7 % 576 / across];
+                let inner =
+                    |cell: usize, part: usize| (cell as f64 + 0.25 + 0.5 * part as f64) / across as f64;
+                format!("vt {} {}\n", inner(column, i), inner(row, j))
+            };
+            text += &(place(0, 0) + &place(1, 0) + &place(0, 1));
+            writeln!(text, "f {p}/-3 {q}/-2 {r}/-1").expect("text");
+            count += 1;
+        }
+    }
+    folder.write("many.obj", text);
+    let cell = |x: f64| (x * across as f64) as usize;
+    let color = |n: usize| [60 + n * 5 % 150, 60 + n * 11 % 150, 60 + n * 17 % 150].map(|part| part as u8);
+    let paint = |u: f64, v: f64| {
+        let number = cell(v) * across + cell(u);
+        // The inverse of times 7 modulo 576.
+        color(number * 247 % 576).to_vec()
+    };
+    assert_eq!(7 * 247 % 576, 1);
+    folder.write("a.png", png(384, paint, png::ColorType::Rgb));
+    folder.stdout("build many.obj -o many.chpm --texture sheets -q");
+    folder.stdout("verify many.chpm --against many.obj -q");
+    folder.stdout("extract many.chpm --level 0 --texture-size 1024 -o many.glb -q");
+    // Where triangles are split from each other, a vertex has its triangle's colour alone.
+    let mut fine = 0;
+    for (triangle, color_found) in centers(&folder, "many.glb") {
+        let [x, y] = triangle;
+        let (column, row) = ((x * side as f64) as usize, (y * side as f64) as usize);
+        let is_lower = (x * side as f64).fract() > (y * side as f64).fract();
+        let expected = color(2 * (row * side + column) + usize::from(!is_lower));
+        let off = color_found.iter().zip(expected).map(|(a, b)| a.abs_diff(b)).max();
+        // A triangle has eight texels a side, and the image half as many of hue.
+        fine += usize::from(off <= Some(40));
+    }
+    assert!(fine * 100 >= 97 * 512, "{fine} of 512 triangles have their colour");
+}
+
+/// Middles of the triangles of a GLB that was taken from a file, in the model's coordinates, and the texel of each.
+fn centers(folder: &Folder, glb: &str) -> Vec<([f64; 2], [u8; 3])> {
+    let text = folder.stdout(&format!("dump {}", glb.replace(".glb", ".chpm")));
+    let origin = text.split("origin [").nth(1).and_then(|rest| rest.split(']').next()).expect("an origin");
+    let origin: Vec<f64> = origin.split(", ").map(|x| x.parse().expect("a number")).collect();
+    let bytes = folder.read(glb);
+    let len = u32::from_le_bytes(bytes[12..16].try_into().expect("four bytes")) as usize;
+    let json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + len]).expect("JSON");
+    let view = |number: &serde_json::Value| {
+        let view = &json["bufferViews"][number.as_u64().expect("a number") as usize];
+        let [start, len_of] =
+            ["byteOffset", "byteLength"].map(|key| view[key].as_u64().expect("a number") as usize);
+        bytes[28 + len + start..][..len_of].to_vec()
+    };
+    let accessor = |number: &serde_json::Value| {
+        view(&json["accessors"][number.as_u64().expect("a number") as usize]["bufferView"])
+    };
+    let mut found = Vec::new();
+    for (number, primitive) in json["meshes"][0]["primitives"].as_array().expect("a list").iter().enumerate()
+    {
+        let floats = |name: &str| -> Vec<f32> {
+            let bytes = accessor(&primitive["attributes"][name]);
+            bytes.as_chunks().0.iter().map(|four| f32::from_le_bytes(*four)).collect()
+        };
+        let (positions, places) = (floats("POSITION"), floats("TEXCOORD_0"));
+        let indices: Vec<usize> = accessor(&primitive["indices"])
+            .as_chunks()
+            .0
+            .iter()
+            .map(|two| u16::from_le_bytes(*two).into())
+            .collect();
+        let image = view(&json["images"][number]["bufferView"]);
+        let mut rows = chpm_image::ImageRows::open(std::io::Cursor::new(image), u64::MAX).expect("an image");
+        let ([width, height], mut pixels) = (rows.size(), Vec::new());
+        rows.read_rows(height as usize, &mut pixels).expect("pixels");
+        for corners in indices.as_chunks::<3>().0 {
+            let mean = |values: &[f32], step: usize, at: usize| -> f64 {
+                corners.iter().map(|v| f64::from(values[v * step + at])).sum::<f64>() / 3.0
+            };
+            let [x, y] = [(0, width), (1, height)].map(|(at, side)| mean(&places, 2, at) * f64::from(side));
+            let [r, g, b, _] = pixels[y as usize * width as usize + x as usize];
+            let place = [0, 1].map(|at| mean(&positions, 3, at) + origin[at]);
+            found.push((place, [r, g, b]));
+        }
+    }
+    found
+}
+
+#[test]
+fn holes_in_images_come_through_as_png() {
+    let folder = textured();
+    let veiled = |u: f64, v: f64| [&board(u, v)[..], &[if u > 0.5 { 0 } else { 255 }]].concat();
+    folder.write("a.png", png(256, veiled, png::ColorType::Rgba));
+    folder.stdout(&format!("build a.obj -o a.chpm {BUILD}"));
+    folder.stdout("verify a.chpm -q");
+    assert!(folder.stdout("dump a.chpm").contains(" png charts "));
+    folder.stdout("extract a.chpm --error 0 --texture-size 1024 -o a.glb -q");
+    let json = folder.read("a.glb");
+    assert!(json.windows(9).any(|bytes| bytes == b"image/png"));
+    // Vertices get the means of what is about them, alpha and all.
+    folder.stdout("build a.glb -o back.chpm -q");
+    folder.stdout("extract back.chpm --error 0 -o back.ply -q");
+    let mesh = folder.read_mesh("back.ply");
+    let alpha = |side: std::ops::Range<f32>| {
+        let some = mesh.positions.iter().zip(&mesh.colors).filter(|(place, _)| side.contains(&place[0]));
+        some.map(|(_, color)| color[3]).collect::<Vec<_>>()
+    };
+    // The image repeats, so that each border shows a little of the other.
+    let (shown, hidden) = (alpha(0.05..0.4), alpha(0.6..0.95));
+    assert!(shown.len() > 500 && hidden.len() > 500);
+    assert!(shown.iter().all(|alpha| *alpha == 255), "{shown:?}");
+    assert!(hidden.iter().all(|alpha| *alpha == 0), "{hidden:?}");
+}
