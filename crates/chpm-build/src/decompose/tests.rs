@@ -33,6 +33,7 @@ fn source(mesh: &TriMesh, store: &Store) -> Source {
         bounds: Aabb::of_points(&mesh.positions),
         rounding: 0.0,
         facts: SourceFacts::default(),
+        painted: None,
     }
 }
 
