@@ -326,12 +326,17 @@ fn shortfall(args: &Args, model: u64, wanted: Option<u64>, stats: &Stats, image:
         let (model, asked) = (Counted(model, "triangle"), count(asked));
         return Some(format!("the finest mesh of {name} has {model}, fewer than {asked}"));
     }
-    let is_coarse = wanted.is_none() && stats.poe > args.poe;
-    is_coarse.then(|| {
+    if wanted.is_none() && stats.poe > args.poe {
         let (got, asked) = (Units(stats.poe), Units(args.poe));
-        format!(
+        return Some(format!(
             "the picture has up to {got} pixels of error, more than {asked}: {name} or --memory gives no less"
-        )
+        ));
+    }
+
+    // The rest has only the mean of what is about each vertex.
+    (stats.unpainted > 0).then(|| {
+        let (lacking, all) = (count(stats.unpainted), Counted(stats.clusters_drawn, "cluster"));
+        format!("{lacking} of {all} are drawn without their texture: --gpu-memory has no room, or {name} is damaged (chpm verify tells)")
     })
 }
 

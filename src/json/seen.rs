@@ -164,6 +164,8 @@ pub(crate) struct Frame {
     pub(crate) pm_steps: u64,
     /// Groups that should be split and are not
     pub(crate) withheld: u64,
+    /// Clusters without their sheets, for want of room or since those are damaged
+    pub(crate) unpainted: u64,
     /// Pages in memory
     pub(crate) resident_bytes: u64,
     /// Data on the GPU

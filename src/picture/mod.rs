@@ -28,7 +28,7 @@ pub(crate) struct DeviceArgs {
     /// Who draws: "best", "software", or a part of an adapter's name
     #[arg(long, value_name = "NAME", default_value = "best")]
     pub(crate) adapter: AdapterChoice,
-    /// GPU memory for vertices and triangles, as in 256M. A picture takes more beside it, which is not counted: about 14 bytes a pixel, and in
+    /// GPU memory for vertices, triangles and textures, as in 256M. A picture takes more beside it, which is not counted: about 14 bytes a pixel, and in
     /// a window that smooths edges 32 more
     #[arg(long, value_name = "SIZE", default_value = "512M")]
     pub(crate) gpu_memory: Bytes,
@@ -210,6 +210,7 @@ pub(crate) fn as_json(stats: &Stats) -> seen::Frame {
         collapses: stats.collapses,
         pm_steps: stats.pm_steps,
         withheld: stats.withheld,
+        unpainted: stats.unpainted,
         resident_bytes: stats.resident_bytes,
         gpu_bytes: stats.gpu_bytes,
         uploaded_bytes: stats.uploaded_bytes,

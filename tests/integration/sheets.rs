@@ -1,6 +1,7 @@
 //! Sheets: images of clusters, from the sources' images to a GLB with atlases.
 
 use super::harness::{Folder, was_killed};
+use super::render::picture;
 use std::fmt::Write;
 use std::process::Stdio;
 
@@ -68,6 +69,60 @@ fn check_board(folder: &Folder, glb: &str, place: impl Fn([f64; 2]) -> [f64; 2],
         }
     }
     assert!(seen >= least, "{glb}: {seen} triangles");
+}
+
+/// Squares of a finer board, each smaller than a triangle.
+const FINE: u32 = 64;
+
+/// The share of the fine board's squares that a picture from above shows in their own colour.
+fn share_of_squares(folder: &Folder, name: &str, ask: &str) -> f64 {
+    let camera = "--camera 0.5,0.5,3,0.5,0.5,0,19 --up y --viewport 1024x1024 --adapter software";
+    folder.stdout(&format!("render {name}.chpm -o {name}.png -f -q {camera} {ask}"));
+    let (width, height, pixels) = picture(folder, &format!("{name}.png"));
+    // Half of the picture's side in the plane of the board, and where each square's middle is.
+    let half = 3.0 * (19.0_f64 / 2.0).to_radians().tan();
+    let (mut right, mut all) = (0.0, 0.0);
+    // Not those of the rim, where the hills' height moves them most.
+    for (column, row) in (8..FINE - 8).flat_map(|row| (8..FINE - 8).map(move |column| (column, row))) {
+        let [x, y] = [column, row].map(|at| (f64::from(at) + 0.5) / f64::from(FINE));
+        // The hills are nearer to the camera than the plane, or farther.
+        let z = 0.05 * ((17.0 * x).sin() * (13.0 * y).cos());
+        let [right_of, above] = [x, y].map(|at| (at - 0.5) * 3.0 / (3.0 - z) / half);
+        let pixel = [(1.0 + right_of) / 2.0 * f64::from(width), (1.0 - above) / 2.0 * f64::from(height)];
+        let [red, _, blue, _] = pixels[(pixel[1] as u32 * width + pixel[0] as u32) as usize];
+        let is_light = (column + row).is_multiple_of(2);
+        right += f64::from(u8::from(is_light == (red > blue)));
+        all += 1.0;
+    }
+    right / all
+}
+
+#[test]
+fn sheets_are_drawn() {
+    let folder = textured();
+    let fine = |u: f64, v: f64| board(u * f64::from(FINE / SQUARES), v * f64::from(FINE / SQUARES)).to_vec();
+    folder.write("a.png", png(1024, fine, png::ColorType::Rgb));
+    folder.stdout(&format!("build a.obj -o sheets.chpm {BUILD}"));
+    folder.stdout(&format!("build a.obj -o vertices.chpm {}", BUILD.replace("sheets", "vertices")));
+    for (ask, least) in
+        [("--poe 0", 0.99), ("--triangles 700", 0.9), ("--smooth --poe 0.5 --samples 4", 0.99)]
+    {
+        let [sheets, vertices] = ["sheets", "vertices"].map(|name| share_of_squares(&folder, name, ask));
+        assert!(sheets >= least, "{ask}: {sheets} of the squares");
+        assert!(vertices < 0.75, "{ask}: {vertices} without sheets");
+    }
+    // Where they find no room, that is said.
+    let told = folder
+        .stderr("render sheets.chpm -o few.png --adapter software --poe 0 --gpu-memory 1M -q --strict", 1);
+    assert!(told.contains("without their texture") && told.contains("--gpu-memory"), "{told}");
+    // Other colours are what they were.
+    for colors in ["--color plain", "--color cluster", "--color plain --wireframe"] {
+        let pictures = ["sheets", "vertices"].map(|name| {
+            folder.stdout(&format!("render {name}.chpm -o {name}.png -f -q --adapter software {colors}"));
+            folder.read(&format!("{name}.png"))
+        });
+        assert!(pictures[0] == pictures[1], "{colors}");
+    }
 }
 
 #[test]

@@ -43,7 +43,10 @@ const EDGES: [(&str, &[&str]); 21] = [
         "chpm-verify",
         &["chpm-mesh", "chpm-import", "chpm-extmem", "chpm-format", "chpm-refine", "chpm-measure"],
     ),
-    ("chpm-viewer", &["chpm-mesh", "chpm-format", "chpm-refine", "chpm-extmem"]),
+    (
+        "chpm-viewer",
+        &["chpm-mesh", "chpm-format", "chpm-refine", "chpm-extmem", "chpm-image", "chpm-texture"],
+    ),
 ];
 
 /// The modules of chpm-build: each may use those before it.

@@ -87,7 +87,7 @@ pub use remnant::Remnant;
 pub use remote::RemoteChpm;
 pub use section::SectionEntry;
 pub use section_kind::SectionKind;
-pub use sheet::{ImageCodec, Sheet, SheetLayout, SheetRecord};
+pub use sheet::{ImageCodec, MAX_SIDE, Sheet, SheetLayout, SheetRecord};
 pub use tables::{HeaderFields, Tables};
 pub use verify::{Fault, Invariant, Report, verify, verify_within};
 pub use writer::ChpmWriter;

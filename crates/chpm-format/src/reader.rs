@@ -196,7 +196,29 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     /// # Panics
     /// As [`Chpm::coarse`].
     pub fn sheet(&self, id: ClusterId) -> Result<Option<Sheet<'_>>, FormatError> {
-        let Some(bytes) = self.sheet_bytes(id) else { return Ok(None) };
+        self.sheet_bytes(id).map_or(Ok(None), |bytes| self.sheet_in(id, bytes))
+    }
+
+    /// Where a cluster's sheet is in the file: its first byte, and how many there are; none if there are no sheets.
+    ///
+    /// # Panics
+    /// As [`Chpm::coarse`].
+    pub fn sheet_place(&self, id: ClusterId) -> Option<(u64, u64)> {
+        let record = self.header.has_sheets().then(|| &self.sheets()[id.index()])?;
+        Some((self.sections.range(SectionKind::Texels).start as u64 + record.offset, record.len()))
+    }
+
+    /// As [`Chpm::sheet`], for the sheet's bytes in another place: read from the file, not mapped. `None` only where there are no sheets.
+    ///
+    /// # Errors
+    /// As [`Chpm::sheet`].
+    ///
+    /// # Panics
+    /// As [`Chpm::coarse`].
+    pub fn sheet_in<'b>(&self, id: ClusterId, bytes: &'b [u8]) -> Result<Option<Sheet<'b>>, FormatError> {
+        if !self.header.has_sheets() {
+            return Ok(None);
+        }
         let record = self.sheets()[id.index()];
         check_sum(FilePart::Sheet(id), record.checksum, bytes)?;
         Sheet::parse(record, bytes, self.clusters()[id.index()].triangle_count).map(Some)

@@ -29,7 +29,15 @@ impl Wanted {
 impl Pager {
     /// Nothing is there. The pages of the roots count, and stay even if they are more than `budget`.
     pub fn new<D: AsRef<[u8]>>(file: &Chpm<D>, budget: Bytes) -> Self {
-        let residency = Residency::new(file, budget);
+        Pager::of(file, Residency::new(file, budget))
+    }
+
+    /// The same for pages with what belongs to them, by the bytes that each cluster takes.
+    pub fn of_sizes<D: AsRef<[u8]>>(file: &Chpm<D>, budget: Bytes, sizes: Vec<u64>) -> Self {
+        Pager::of(file, Residency::of_sizes(file, budget, sizes))
+    }
+
+    fn of<D: AsRef<[u8]>>(file: &Chpm<D>, residency: Residency) -> Self {
         Pager { wanted: Front::new(file), foreseen: Front::new(file), residency }
     }
 

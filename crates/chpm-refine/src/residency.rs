@@ -8,7 +8,7 @@
 
 use crate::hierarchy::Hierarchy;
 use crate::splits::parents;
-use chpm_format::{Chpm, ClusterRecord};
+use chpm_format::Chpm;
 use chpm_mesh::{Bytes, ClusterId, GroupId};
 use std::cmp::Reverse;
 
@@ -69,16 +69,12 @@ impl Residency {
     /// Nothing is there. The pages of the roots count, and stay even if they are more than `budget`; nothing else exceeds it.
     pub fn new<D: AsRef<[u8]>>(file: &Chpm<D>, budget: Bytes) -> Self {
         let attributes = file.header().attributes();
-        Residency::of_sizes(file, budget, |cluster| cluster.unpacked_len(attributes))
+        let sizes = file.clusters().iter().map(|cluster| cluster.unpacked_len(attributes)).collect();
+        Residency::of_sizes(file, budget, sizes)
     }
 
-    /// The same for something else than pages, that takes `size` bytes of a cluster: what is made of them, for example.
-    pub fn of_sizes<D: AsRef<[u8]>>(
-        file: &Chpm<D>,
-        budget: Bytes,
-        size: impl Fn(&ClusterRecord) -> u64,
-    ) -> Self {
-        let sizes: Vec<u64> = file.clusters().iter().map(size).collect();
+    /// The same for something else than pages, by the bytes that each cluster takes of it: what is made of them, for example.
+    pub fn of_sizes<D: AsRef<[u8]>>(file: &Chpm<D>, budget: Bytes, sizes: Vec<u64>) -> Self {
         Residency {
             budget: budget.0,
             reserved: 0,

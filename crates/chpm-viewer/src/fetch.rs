@@ -20,7 +20,7 @@ use chpm_mesh::{Bytes, ClusterId};
 use queue::{Queue, Urgency};
 use std::fs::File;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
@@ -40,6 +40,8 @@ struct Shared {
     file: Arc<Chpm<MappedFile>>,
     /// The same file once more, for reading at an offset.
     pages: File,
+    /// Bytes that each page takes.
+    lens: Vec<u64>,
     queue: Mutex<Queue>,
     /// Something to read has come, or room for it, or the end.
     work: Condvar,
@@ -48,34 +50,40 @@ struct Shared {
     /// Bytes that blocks may take, and that those do which wait to be taken.
     room: AtomicU64,
     blocks: AtomicU64,
-    /// Colours of blocks; the file's own until others are set.
-    tint: OnceLock<Tint>,
+    /// Colours of blocks.
+    tint: Tint,
 }
 
-impl Shared {
-    fn tint(&self) -> &Tint {
-        self.tint.get_or_init(|| Tint::of(&self.file, None))
-    }
+/// Bytes that each page takes when it is there: what it has when it is not packed, and its sheet.
+pub(crate) fn held_bytes(file: &Chpm<MappedFile>, tint: &Tint) -> Vec<u64> {
+    let ids = (0..file.header().cluster_count).map(ClusterId);
+    let sheet = |id: ClusterId| tint.longest_sheet().map_or(0, |_| page::sheet_bytes(file, id));
+    ids.map(|id| file.page_len(id) + sheet(id)).collect()
 }
 
 impl Fetch {
-    /// Starts `threads` readers (one at least) for a file. The bytes of all pages that they read and that anybody still holds stay
-    /// within `budget`, or within the roots' bytes if they are more: without the roots nothing can be drawn.
+    /// Starts `threads` readers (one at least) for a file, and for blocks in some colours. The bytes of all pages that they read and that anybody still holds, with
+    /// the sheets of what is drawn with sheets, stay within `budget`, or within the roots' bytes if they are more: without the roots nothing can be drawn.
     ///
     /// # Errors
     /// [`ViewerError::Open`] if the file cannot be opened a second time, [`ViewerError::Thread`] if the system refuses a thread.
-    pub fn new(file: Arc<Chpm<MappedFile>>, threads: usize, budget: Bytes) -> Result<Self, ViewerError> {
+    pub(crate) fn tinted(
+        file: Arc<Chpm<MappedFile>>,
+        tint: Tint,
+        threads: usize,
+        budget: Bytes,
+    ) -> Result<Self, ViewerError> {
         let path = file.get_ref().path();
         let pages =
             File::open(path).map_err(|source| ViewerError::Open { path: path.to_path_buf(), source })?;
-        let lens: Vec<u64> =
-            (0..file.header().cluster_count).map(|id| file.page_len(ClusterId(id))).collect();
+        let lens = held_bytes(&file, &tint);
         let roots = file.roots().map(|root| lens[root.index()]).sum();
-        let (room, blocks, tint) = (AtomicU64::new(0), AtomicU64::new(0), OnceLock::new());
-        let queue = Mutex::new(Queue::new(lens, budget.0.max(roots)));
+        let (room, blocks) = (AtomicU64::new(0), AtomicU64::new(0));
+        let queue = Mutex::new(Queue::new(lens.clone(), budget.0.max(roots)));
         let shared = Arc::new(Shared {
             file,
             pages,
+            lens,
             queue,
             work: Condvar::new(),
             news: Condvar::new(),
@@ -97,11 +105,6 @@ impl Fetch {
     /// beside the budget; without room a block is made by who asks for it.
     pub fn make_blocks(&self, room: Bytes) {
         self.shared.room.store(room.0, Ordering::Relaxed);
-    }
-
-    /// Has blocks made in these colours. The first that are set hold.
-    pub(crate) fn set_tint(&self, tint: Tint) {
-        let _ = self.shared.tint.set(tint);
     }
 
     /// Asks for a page that a view wants. Those asked for first come first, before all that is read ahead. Asking for a page that is
@@ -174,6 +177,15 @@ impl Fetch {
 /// Access for tests and measurements.
 #[cfg(feature = "internals")]
 impl Fetch {
+    /// Readers for blocks in the file's own colours, without sheets.
+    ///
+    /// # Errors
+    /// As the viewer's.
+    pub fn new(file: Arc<Chpm<MappedFile>>, threads: usize, budget: Bytes) -> Result<Self, ViewerError> {
+        let tint = Tint::of(&file, None).with_sheets_to(None);
+        Fetch::tinted(file, tint, threads, budget)
+    }
+
     /// Pages asked for that have not arrived.
     pub fn pending(&self) -> usize {
         self.shared.lock().pending()
@@ -245,11 +257,11 @@ impl Shared {
 
     /// Reads and checks. What the page takes is given back by its drop, and here if there will be none.
     fn read(self: &Arc<Self>, cluster: ClusterId) -> Result<Arc<PageData>, ViewerError> {
-        let page = PageData::read(&self.file, &self.pages, cluster);
+        let page = PageData::read(&self.file, &self.pages, cluster, self.tint.longest_sheet().is_some());
         match page {
             Ok(page) => Ok(Arc::new(page.charged_to(Arc::clone(self)))),
             Err(error) => {
-                self.give_back(self.file.page_len(cluster));
+                self.give_back(self.lens[cluster.index()]);
                 Err(error)
             }
         }

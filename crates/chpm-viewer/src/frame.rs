@@ -302,7 +302,8 @@ impl Viewer {
             .iter()
             .enumerate()
             .map(|(place, model)| {
-                Colors::new(&request.look, model.has_colors(), target.format).of_other(place > 0)
+                let has = (model.has_colors(), model.has_sheets());
+                Colors::new(&request.look, has, target.format).of_other(place > 0)
             })
             .collect()
     }

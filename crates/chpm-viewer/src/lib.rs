@@ -19,6 +19,8 @@ pub mod request;
 #[allow(unreachable_pub, reason = "`gpu` and `frame` use it")]
 mod scene;
 pub mod stats;
+#[allow(unreachable_pub, reason = "`gpu` and `fetch` use it")]
+mod texels;
 #[allow(unreachable_pub, reason = "`gpu` and `frame` use it")]
 mod tint;
 mod transform;

@@ -9,14 +9,15 @@ mod borders;
 pub mod visibility;
 
 use crate::error::ViewerError;
-use crate::fetch::{Fetch, PageData};
+use crate::fetch::{Fetch, PageData, held_bytes};
 use crate::gpu::TestBox;
 use crate::gpu::block::Layout;
 use crate::request::Budgets;
+use crate::texels::Texels;
 use crate::tint::Tint;
 use borders::Borders;
 use chpm_extmem::MappedFile;
-use chpm_format::{Chpm, ClusterRecord, PageBuf};
+use chpm_format::{Chpm, PageBuf};
 use chpm_mesh::{Bytes, ClusterId, GroupId};
 use chpm_refine::{
     ActiveList, Changes, Front, Hierarchy, Member, Pager, RefineError, Residency, Traffic, View, Wanted,
@@ -123,41 +124,37 @@ impl Scene {
         gpu_room: Bytes,
     ) -> Result<Self, ViewerError> {
         // The roots are never let go, so they have to fit.
-        let attributes = file.header().attributes();
-        let colors = tint.is_there();
-        let roots: Vec<&ClusterRecord> = file.roots().map(|root| &file.clusters()[root.index()]).collect();
-        let page_bytes = Bytes(roots.iter().map(|root| root.unpacked_len(attributes)).sum());
+        let (held, on_gpu) = (held_bytes(&file, &tint), gpu_bytes(&file, &tint));
+        let page_bytes = Bytes(file.roots().map(|root| held[root.index()]).sum());
         if page_bytes > budgets.memory {
             return Err(ViewerError::Budget { what: "memory", needed: page_bytes, got: budgets.memory });
         }
-        let root_bytes: u64 = roots.iter().map(|root| gpu_bytes(root, colors)).sum();
+        let root_bytes: u64 = file.roots().map(|root| on_gpu[root.index()]).sum();
         if root_bytes > gpu_room.0 {
             // What is lost at the ends of slabs comes on top.
-            let largest = file.clusters().iter().map(|cluster| gpu_bytes(cluster, colors)).max();
-            let needed = Bytes(root_bytes + 2 * largest.unwrap_or(0));
+            let needed = Bytes(root_bytes + 2 * on_gpu.iter().max().copied().unwrap_or(0));
             return Err(ViewerError::Budget { what: "GPU memory", needed, got: budgets.gpu_memory });
         }
 
         // Blocks that readers have made wait in main memory, which leaves less of it for pages.
         let room = BLOCKS.0.min(budgets.memory.0 / 8).min(budgets.memory.0 - page_bytes.0);
         let memory = Bytes(budgets.memory.0 - room);
-        let fetch = Fetch::new(Arc::clone(&file), READERS, memory)?;
-        fetch.set_tint(tint.clone());
+        let fetch = Fetch::tinted(Arc::clone(&file), tint.clone(), READERS, memory)?;
         fetch.make_blocks(Bytes(room));
 
         Ok(Scene {
-            gpu_share: file
-                .clusters()
+            gpu_share: on_gpu
                 .iter()
-                .map(|cluster| gpu_bytes(cluster, colors) as f64 / cluster.unpacked_len(attributes) as f64)
+                .zip(&held)
+                .map(|(gpu, held)| *gpu as f64 / *held as f64)
                 .fold(0.0, f64::max),
             gpu_has_room: true,
             split: vec![Cell::new(false); file.groups().len()],
             bounds: Bounds::new(file.groups().len()),
             hierarchy: Hierarchy::new(&file),
             list: ActiveList::of_checked_pages(&file),
-            pager: Pager::new(&file, memory),
-            gpu_residency: Residency::of_sizes(&file, gpu_room, |cluster| gpu_bytes(cluster, colors)),
+            pager: Pager::of_sizes(&file, memory, held),
+            gpu_residency: Residency::of_sizes(&file, gpu_room, on_gpu),
             fetch,
             pages: file.clusters().iter().map(|_| None).collect(),
             borders: Borders::new(&file),
@@ -342,10 +339,10 @@ impl Scene {
         let (file, pages) = (&*self.file, &self.pages);
 
         // A group may split where all of it is there, and one frame can send what it brings.
-        let colors = self.tint.is_there();
         let to_send = |clusters: &[u32]| {
-            let clusters = clusters.iter().filter(|cluster| !sent(ClusterId(**cluster)));
-            clusters.map(|cluster| gpu_bytes(&file.clusters()[*cluster as usize], colors)).sum::<u64>()
+            let clusters =
+                clusters.iter().map(|cluster| ClusterId(*cluster)).filter(|cluster| !sent(*cluster));
+            clusters.map(|cluster| sent_bytes(file, cluster, &self.tint)).sum::<u64>()
         };
         let brought = Cell::new(0);
         let ready = |group: GroupId| {
@@ -525,7 +522,15 @@ impl Bounds {
 #[path = "../../chpm-refine/examples/front_pass/plane.rs"]
 mod plane;
 
-/// Bytes of a cluster's block.
-pub fn gpu_bytes(cluster: &ClusterRecord, colors: bool) -> u64 {
-    Layout::new(cluster.vertex_count, cluster.triangle_count, colors).bytes()
+/// Bytes of each cluster's block.
+pub fn gpu_bytes(file: &Chpm<MappedFile>, tint: &Tint) -> Vec<u64> {
+    let ids = (0..file.header().cluster_count).map(ClusterId);
+    ids.map(|id| Layout::of(file, id, tint).bytes()).collect()
+}
+
+/// Bytes that a cluster takes to be sent: its block, and its sheet.
+fn sent_bytes(file: &Chpm<MappedFile>, cluster: ClusterId, tint: &Tint) -> u64 {
+    let sheet =
+        tint.longest_sheet().map_or(0, |longest| Texels::bytes_of(&file.sheets()[cluster.index()], longest));
+    Layout::of(file, cluster, tint).bytes() + sheet
 }

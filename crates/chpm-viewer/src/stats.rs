@@ -30,6 +30,8 @@ pub struct Stats {
     pub pm_steps: u64,
     /// Groups that the view wants split and that are not, for want of pages or room.
     pub withheld: u64,
+    /// Clusters drawn in the colours of their vertices although they have sheets: for want of room on the GPU, or since those are damaged.
+    pub unpainted: u64,
     /// Pages in main memory or on their way, bytes.
     pub resident_bytes: u64,
     /// Clusters' data on the GPU, bytes.

@@ -1,8 +1,8 @@
-//! Colours of vertices: those that the file has, or those of a named scalar by its range.
+//! Colours of a surface: those that the file has, of vertices and in sheets, or those of a named scalar by its range.
 
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, Page};
-use chpm_mesh::{Scalar, scalar_places, viridis};
+use chpm_mesh::{ClusterId, Scalar, scalar_places, viridis};
 use std::ops::Range;
 
 /// The colour of what is no number.
@@ -20,6 +20,8 @@ struct Shown {
 pub struct Tint {
     has_own: bool,
     scalar: Option<Shown>,
+    /// Longest side of a sheet that is drawn, texels; none where no sheets are.
+    longest_sheet: Option<u32>,
 }
 
 impl Tint {
@@ -27,15 +29,32 @@ impl Tint {
     pub fn of(file: &Chpm<MappedFile>, color_by: Option<&str>) -> Self {
         let named = scalar_places(file.scalars()).find(|(_, scalar)| Some(&*scalar.name) == color_by);
         let scalar = named.map(|(words, scalar)| Shown { words, scalar: scalar.clone() });
-        Tint { has_own: file.header().attributes().colors, scalar }
+        let has_sheets = scalar.is_none() && file.header().has_sheets();
+        let longest_sheet = has_sheets.then_some(u32::from(chpm_format::MAX_SIDE));
+        Tint { has_own: file.header().attributes().colors, scalar, longest_sheet }
+    }
+
+    /// The same with no sheets larger than this, and without any for none.
+    pub fn with_sheets_to(self, longest: Option<u32>) -> Self {
+        Tint { longest_sheet: self.longest_sheet.and(longest), ..self }
+    }
+
+    /// Longest side of a sheet that is drawn, texels; none where no sheets are.
+    pub fn longest_sheet(&self) -> Option<u32> {
+        self.longest_sheet
+    }
+
+    /// Charts of the sheet that a cluster is drawn with; 0 for none.
+    pub fn charts(&self, file: &Chpm<MappedFile>, cluster: ClusterId) -> u32 {
+        self.longest_sheet.map_or(0, |_| file.sheets()[cluster.index()].chart_count)
     }
 
     /// The file's own colours, where a page has some.
     pub fn own(page: &Page<'_>) -> Self {
-        Tint { has_own: !page.colors.is_empty(), scalar: None }
+        Tint { has_own: !page.colors.is_empty(), ..Tint::default() }
     }
 
-    /// Whether vertices have colours.
+    /// Whether vertices have colours of their own.
     pub fn is_there(&self) -> bool {
         self.has_own || self.scalar.is_some()
     }
@@ -77,7 +96,7 @@ mod tests {
         let mut page = Vec::new();
         parts.encode(&mut page).unwrap();
         let page = Page::parse(&page).unwrap();
-        let tint = Tint { has_own: false, scalar: Some(Shown { words: 1..3, scalar }) };
+        let tint = Tint { scalar: Some(Shown { words: 1..3, scalar }), ..Tint::default() };
         let opaque = |[r, g, b]: [u8; 3]| Some([r, g, b, 255]);
         let colors = [0, 1, 2].map(|vertex| tint.color(&page, vertex));
         assert_eq!(colors, [opaque(viridis(0.0)), opaque(NONE), opaque(viridis(1.0))]);

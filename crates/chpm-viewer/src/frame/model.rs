@@ -4,12 +4,13 @@ use super::Deadline;
 use super::paint::Item;
 use super::share::Need;
 use crate::error::ViewerError;
+use crate::fetch::held_bytes;
 use crate::gpu::arena::Resident;
 use crate::gpu::buffers::Canvas;
 use crate::gpu::camera_uniform::FrameUniform;
 use crate::gpu::{
     Answers, Arena, CameraUniform, DrawBuffers, DrawList, Drawn, Gpu, Kind, Occlusion, Pipelines, Questions,
-    TestBox,
+    Sheets, TestBox, sheets,
 };
 use crate::request::{Budgets, FrameRequest};
 use crate::scene::visibility::{Sight, Subject};
@@ -34,6 +35,10 @@ pub(super) struct Model {
     pub(super) place: Transform,
     pub(super) pipelines: Pipelines,
     pub(super) arena: Arena,
+    /// Where sheets are drawn.
+    pub(super) sheets: Option<Sheets>,
+    /// How many draws of the list lack their sheet.
+    pub(super) unpainted: u64,
     occlusion: Occlusion,
     buffers: DrawBuffers,
     pub(super) list: DrawList,
@@ -69,26 +74,21 @@ impl Model {
 
     /// Main memory and GPU memory that a file needs for its roots, and that it could use.
     pub(super) fn needs(file: &Chpm<MappedFile>, tint: &Tint) -> (Need, Need) {
-        let (attributes, colors) = (file.header().attributes(), tint.is_there());
-        let (mut pages, mut blocks, mut largest) = (0, 0, 0);
-        for cluster in file.clusters() {
-            let block = gpu_bytes(cluster, colors);
-            pages += cluster.unpacked_len(attributes);
-            blocks += block;
-            largest = largest.max(block);
-        }
-
+        let (held, on_gpu) = (held_bytes(file, tint), gpu_bytes(file, tint));
+        let (pages, blocks) = (held.iter().sum::<u64>(), on_gpu.iter().sum::<u64>());
+        let largest = on_gpu.iter().max().copied().unwrap_or(0);
         let (mut root_pages, mut root_blocks) = (0, 0);
         for root in file.roots() {
-            let cluster = &file.clusters()[root.index()];
-            root_pages += cluster.unpacked_len(attributes);
-            root_blocks += gpu_bytes(cluster, colors);
+            root_pages += held[root.index()];
+            root_blocks += on_gpu[root.index()];
         }
 
         // An eighth is for blocks that wait, and what is left at the ends of slabs is lost.
         let lost = (blocks / Bytes::mib(32).0 + 2) * largest;
         let in_memory = Need { least: root_pages, most: pages / 7 * 8 + 8 };
-        (in_memory, Need { least: root_blocks + 2 * largest, most: blocks + lost })
+        let sheets = tint.longest_sheet().and_then(|longest| sheets::extent(file, Bytes(u64::MAX), longest));
+        let textures = sheets.map_or(0, |(side, count)| count * sheets::bytes_of(side));
+        (in_memory, Need { least: root_blocks + 2 * largest, most: blocks + lost + textures })
     }
 
     pub(super) fn new(
@@ -98,18 +98,30 @@ impl Model {
         place: Transform,
         budgets: Budgets,
     ) -> Result<Self, ViewerError> {
+        // Sheets have half of the GPU's memory at most, and what the coarsest mesh leaves.
+        let (_, least) = Self::needs(&file, &tint);
+        let half = Bytes((budgets.gpu_memory.0 / 2).min(budgets.gpu_memory.0.saturating_sub(least.least)));
+        let limit = gpu.device.limits().max_texture_dimension_2d;
+        let extent = tint.longest_sheet().and_then(|_| sheets::extent(&file, half, limit));
+        let tint = tint.with_sheets_to(extent.map(|(side, _)| side));
+        let textures = extent.map_or(0, |(side, count)| count * sheets::bytes_of(side));
+
         // What the GPU can count on decides what the scene may ask for.
         let colors = tint.is_there();
-        let largest = file.clusters().iter().map(|cluster| gpu_bytes(cluster, colors)).max().unwrap_or(0);
-        let (pipelines, occlusion) =
-            gpu.attempt("preparing shaders", || (Pipelines::new(gpu, colors), Occlusion::new(gpu)))?;
+        let largest = gpu_bytes(&file, &tint).into_iter().max().unwrap_or(0);
+        let (pipelines, occlusion) = gpu.attempt("preparing shaders", || {
+            (Pipelines::new(gpu, colors, extent.is_some()), Occlusion::new(gpu))
+        })?;
         let clusters = file.clusters().len();
-        let arena = Arena::new(gpu, &pipelines, clusters, budgets.gpu_memory, largest);
+        let sheets = extent.map(|extent| Sheets::new(gpu, &pipelines.sheets, clusters, extent));
+        let arena = Arena::new(gpu, &pipelines, clusters, Bytes(budgets.gpu_memory.0 - textures), largest);
         let scene = Scene::new(file, tint, budgets, arena.capacity(largest))?;
         Ok(Model {
             scene,
             place,
             arena,
+            sheets,
+            unpainted: 0,
             occlusion,
             buffers: DrawBuffers::new(gpu, &pipelines),
             pipelines,
@@ -123,6 +135,10 @@ impl Model {
 
     pub(super) fn has_colors(&self) -> bool {
         self.scene.tint().is_there()
+    }
+
+    pub(super) fn has_sheets(&self) -> bool {
+        self.sheets.is_some()
     }
 
     fn bounds(&self) -> Aabb {
@@ -325,8 +341,8 @@ impl Model {
         (kind, samples): (Kind, u32),
         part: Range<usize>,
     ) {
-        let drawn =
-            Drawn { pipeline: self.pipelines.get(kind, samples), arena: &self.arena, list: &self.list };
+        let pipeline = self.pipelines.get(kind, samples);
+        let drawn = Drawn { pipeline, arena: &self.arena, list: &self.list, sheets: self.sheets.as_ref() };
         self.buffers.draw(gpu, pass, &drawn, part);
     }
 
@@ -348,6 +364,11 @@ impl Model {
         stats.resident_bytes += self.scene.resident().0;
         stats.gpu_bytes += self.arena.used().0;
         stats.uploaded_bytes += self.arena.take_uploaded();
+        stats.unpainted += self.unpainted;
+        if let Some(sheets) = &mut self.sheets {
+            stats.gpu_bytes += sheets.used().0;
+            stats.uploaded_bytes += sheets.take_uploaded();
+        }
     }
 
     /// The places in the page of the triangles that were drawn of a cluster.

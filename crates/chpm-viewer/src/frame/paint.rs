@@ -5,6 +5,7 @@ use super::{Canvas, Instant, Viewer, Watch, passes};
 use crate::error::ViewerError;
 use crate::frame::samples::{Mean, shifts};
 use crate::frame::smooth::Picture;
+use crate::gpu::arena::Resident;
 use crate::gpu::lighting::Lighting;
 use crate::gpu::{Gpu, Kind, Mark};
 use crate::headless::{IdImage, Image, TriangleId};
@@ -29,11 +30,13 @@ pub(super) struct Colors {
 const OTHER: [u8; 3] = [150, 180, 208];
 
 impl Colors {
-    /// For a look, a file that may have colours, and the format of what is drawn into.
-    pub(super) fn new(look: &Look, has_colors: bool, format: TextureFormat) -> Self {
+    /// For a look, a file that may have colours and sheets, and the format of what is drawn into.
+    pub(super) fn new(look: &Look, (has_colors, has_sheets): (bool, bool), format: TextureFormat) -> Self {
+        let painted = look.colors == Coloring::Vertex && has_sheets;
         let by_vertex = look.shading == Shading::Smooth || look.colors == Coloring::Vertex && has_colors;
         let kind = match (look.wireframe || look.colors == Coloring::Ids, by_vertex) {
             (true, _) => Kind::Wired(format),
+            (false, _) if painted => Kind::Painted(format),
             (false, true) => Kind::Colored(format),
             (false, false) => Kind::Bare(format),
         };
@@ -203,6 +206,9 @@ impl Model {
         self.items.extend(items.map(|(member, sight)| Item { place: 0, member, sight }));
         for item in &self.items {
             self.arena.touch(item.member.cluster, now);
+            if let Some(sheets) = &mut self.sheets {
+                sheets.touch(item.member.cluster, now);
+            }
         }
     }
 
@@ -230,6 +236,33 @@ impl Model {
         Ok(all)
     }
 
+    /// Sends the sheets that are to be drawn and that the GPU lacks, as far as there is room.
+    fn send_sheets(&mut self, gpu: &Gpu, now: u64) -> Result<(), ViewerError> {
+        let Some(sheets) = &mut self.sheets else { return Ok(()) };
+        let file = self.scene.file();
+        for Item { member: Member { cluster, .. }, sight, .. } in &self.items {
+            let record = &file.sheets()[cluster.index()];
+            let Some(is_painted) = self.arena.get(*cluster).map(Resident::is_painted) else { continue };
+            let mut placed = sheets.get(*cluster);
+            let Some(page) = self.scene.page(*cluster) else { continue };
+            let is_new = placed.is_none() && *sight == Sight::Visible && page.may_have_texels();
+            if is_new && sheets.place(gpu, *cluster, record, now)? {
+                match page.texels() {
+                    Some(texels) => sheets.write(gpu, *cluster, &texels),
+                    None => sheets.give_up(*cluster),
+                }
+                placed = sheets.get(*cluster);
+            }
+            // The sheet has another place, or the block is new.
+            if let (Some(placed), Some(layout)) = (placed, page.layout_of_sheet())
+                && (is_new || !is_painted)
+            {
+                self.arena.paint(gpu, *cluster, &placed.words(layout, record, sheets.side()));
+            }
+        }
+        Ok(())
+    }
+
     /// Sends the triangles of positions that have moved, and puts what was chosen in order.
     fn arrange(&mut self, gpu: &Gpu, plan: Plan) {
         for Item { member: Member { cluster, vertices }, .. } in &self.items {
@@ -242,7 +275,8 @@ impl Model {
             if self.arena.get(*cluster).is_none_or(|resident| resident.position().vertices != *vertices)
                 && let Some(page) = self.scene.page(*cluster)
             {
-                self.arena.move_to(gpu, *cluster, &page.page().progressive_mesh(), *vertices);
+                let chart_of = page.layout_of_sheet().map(|layout| &*layout.chart_of);
+                self.arena.move_to(gpu, *cluster, (&page.page().progressive_mesh(), chart_of), *vertices);
             }
         }
 
@@ -269,6 +303,7 @@ impl Model {
         let (mut list, items) = (std::mem::take(&mut self.list), std::mem::take(&mut self.items));
         let coloring = colors.look.colors;
         list.restart(colors.kind);
+        self.unpainted = 0;
         let mut count = 0;
         for item in &items {
             // What is not there for want of room, in spite of all, is not drawn.
@@ -281,7 +316,14 @@ impl Model {
                 // It is drawn only if it comes into sight.
                 tint = [240, 210, 70];
             }
-            list.push(cluster, resident, Mark { key, tint }, shown);
+            let mut mark = Mark::tinted(key, tint);
+            if let Kind::Painted(_) = colors.kind {
+                let sheet = self.sheets.as_ref().and_then(|sheets| sheets.get(cluster)).zip(resident.sheet());
+                let painted = sheet.map(|(placed, words)| Mark::painted(placed.texture, words));
+                mark = painted.unwrap_or_default();
+                self.unpainted += u64::from(shown && painted.is_none());
+            }
+            list.push(cluster, resident, mark, shown);
             count += usize::from(shown);
         }
         (self.list, self.items, self.shown) = (list, items, count);
@@ -302,8 +344,11 @@ impl Viewer {
         self.models.iter_mut().for_each(|model| model.choose(plan, now));
         stats.times.pm += watch.lap();
 
-        for model in &mut self.models {
+        for (model, colors) in self.models.iter_mut().zip(colors) {
             model.bring(&self.gpu, now)?;
+            if let Kind::Painted(_) = colors.kind {
+                model.send_sheets(&self.gpu, now)?;
+            }
         }
         stats.times.upload += watch.lap();
 

@@ -32,6 +32,8 @@ pub struct Resident {
     position: Position,
     /// The first vertex of which it is not known yet which way it faces; as many as there are where all is known.
     turned: u32,
+    /// Whether it has been told where its sheet is.
+    is_painted: bool,
     /// The frame that it was last drawn in.
     used: u64,
     /// The frame that it was written in.
@@ -52,6 +54,18 @@ impl Resident {
     /// Its first corner, where corners are numbered from the start of the slab.
     pub fn first_corner(&self) -> u32 {
         (self.first + self.layout.vertices) * (self.layout.unit / 2)
+    }
+
+    /// Whether it has been told where its sheet is.
+    pub fn is_painted(&self) -> bool {
+        self.is_painted
+    }
+
+    /// Where its sheet is told of, and the charts of its triangles: words from the start of the slab; none without a sheet.
+    pub fn sheet(&self) -> Option<[u32; 2]> {
+        let words = self.first * (self.layout.unit / 4);
+        let places = [self.layout.sheet_at(), self.layout.chart_numbers_at()];
+        (self.layout.charts > 0).then(|| places.map(|place| words + place))
     }
 
     /// The frame that it was written in.
@@ -163,8 +177,16 @@ impl Arena {
         self.used_bytes += layout.bytes();
         self.uploaded_bytes += layout.vertex_bytes();
         let position = Position::default();
-        self.residents[cluster.index()] =
-            Some(Resident { slab, first, layout, position, turned, used: frame, since: frame });
+        self.residents[cluster.index()] = Some(Resident {
+            slab,
+            first,
+            layout,
+            position,
+            turned,
+            is_painted: false,
+            used: frame,
+            since: frame,
+        });
         self.kept.push(cluster);
         Ok(true)
     }
@@ -179,7 +201,14 @@ impl Arena {
     }
 
     /// Writes the triangles of another position of a cluster that is there, O(finest mesh); they take effect with the next submission.
-    pub fn move_to(&mut self, gpu: &Gpu, cluster: ClusterId, mesh: &ProgressiveMesh<'_>, vertices: u32) {
+    /// With a sheet, the charts of the triangles go with them: `chart_of` those of the finest mesh.
+    pub fn move_to(
+        &mut self,
+        gpu: &Gpu,
+        cluster: ClusterId,
+        (mesh, chart_of): (&ProgressiveMesh<'_>, Option<&[u16]>),
+        vertices: u32,
+    ) {
         let Some(resident) = &mut self.residents[cluster.index()] else { return };
         // From scratch each time: what a cursor needs to go step by step would have to be kept, and takes more than its page.
         self.cursor.load(mesh);
@@ -194,6 +223,25 @@ impl Arena {
         gpu.queue.write_buffer(&self.slabs[resident.slab].buffer, place, bytes);
         self.uploaded_bytes += bytes.len() as u64;
         resident.position = Position { vertices, triangles: triangles.len() as u32 };
+        let (Some([_, numbers]), Some(chart_of)) = (resident.sheet(), chart_of) else { return };
+        self.corners.clear();
+        let all = mesh.triangles.iter().zip(chart_of);
+        let drawn = all.filter(|(corners, _)| mesh.birth(**corners) <= vertices as usize);
+        self.corners.extend(drawn.map(|(_, chart)| *chart));
+        self.corners.extend((self.corners.len() % 2 == 1).then_some(0));
+        let bytes: &[u8] = bytemuck::cast_slice(&self.corners);
+        gpu.queue.write_buffer(&self.slabs[resident.slab].buffer, 4 * u64::from(numbers), bytes);
+        self.uploaded_bytes += bytes.len() as u64;
+    }
+
+    /// Writes where the sheet of a cluster that is there is, and its charts.
+    pub fn paint(&mut self, gpu: &Gpu, cluster: ClusterId, words: &[u32]) {
+        let Some(resident) = &mut self.residents[cluster.index()] else { return };
+        resident.is_painted = true;
+        let Some([place, _]) = resident.sheet() else { return };
+        let bytes: &[u8] = bytemuck::cast_slice(words);
+        gpu.queue.write_buffer(&self.slabs[resident.slab].buffer, 4 * u64::from(place), bytes);
+        self.uploaded_bytes += bytes.len() as u64;
     }
 
     /// Triangles of a position of a cluster, O(finest mesh).

@@ -1,5 +1,5 @@
 //! A cluster as the GPU has it: its vertices, written once, and behind them room for the triangles of any position of its progressive
-//! mesh.
+//! mesh; and behind those, if it has a sheet, where that is and the chart of each triangle ([`super::sheets`]).
 //!
 //! A unit is a vertex: position, which way it faces, and colour if the file has colours. So a block can start wherever a vertex could, and its first
 //! unit is the number that is added to its corners. The corners are those of one position, in the order of the file; they are written
@@ -7,7 +7,9 @@
 
 use super::facing::Facing;
 use crate::tint::Tint;
-use chpm_format::Page;
+use chpm_extmem::MappedFile;
+use chpm_format::{Chpm, Page};
+use chpm_mesh::ClusterId;
 use nalgebra::Vector3;
 
 /// Words of a vertex.
@@ -26,13 +28,49 @@ pub struct Layout {
     pub units: u32,
     /// Bytes of a unit.
     pub unit: u32,
+    /// Charts of its sheet, which come behind the corners with the chart of each triangle; 0 for no sheet.
+    pub charts: u32,
 }
 
+/// Words in front of the charts of a sheet, and words of each.
+pub const CHARTS_HEAD: u32 = 8;
+pub const CHART: u32 = 8;
+
 impl Layout {
-    /// The layout of a cluster with these counts.
-    pub fn new(vertices: u32, triangles: u32, colors: bool) -> Self {
+    /// The layout of a cluster with these counts, and so many charts of a sheet.
+    pub fn new(vertices: u32, triangles: u32, colors: bool, charts: u32) -> Self {
         let unit = 4 * words_of_unit(colors);
-        Layout { vertices, triangles, units: vertices + (6 * triangles).div_ceil(unit), unit }
+        let mut layout = Layout { vertices, triangles, units: 0, unit, charts };
+        layout.units = vertices + (4 * (layout.corner_words() + layout.sheet_words())).div_ceil(unit);
+        layout
+    }
+
+    /// The layout of a cluster of a file.
+    pub fn of(file: &Chpm<MappedFile>, cluster: ClusterId, tint: &Tint) -> Self {
+        let record = &file.clusters()[cluster.index()];
+        let charts = tint.charts(file, cluster);
+        Layout::new(record.vertex_count, record.triangle_count, tint.is_there(), charts)
+    }
+
+    fn corner_words(&self) -> u32 {
+        (3 * self.triangles).div_ceil(2)
+    }
+
+    fn sheet_words(&self) -> u32 {
+        match self.charts {
+            0 => 0,
+            charts => CHARTS_HEAD + CHART * charts + self.triangles.div_ceil(2),
+        }
+    }
+
+    /// Where what is told of its sheet begins: words from the start of the block.
+    pub fn sheet_at(&self) -> u32 {
+        self.vertices * (self.unit / 4) + self.corner_words()
+    }
+
+    /// Where the charts of its triangles begin: words from the start of the block.
+    pub fn chart_numbers_at(&self) -> u32 {
+        self.sheet_at() + CHARTS_HEAD + CHART * self.charts
     }
 
     /// Bytes of the block.
@@ -56,13 +94,13 @@ pub struct Block {
 impl Block {
     /// Makes the block of a page that was checked, in its own colours.
     pub fn of_page(page: &Page<'_>) -> Self {
-        Self::tinted(page, &Tint::own(page))
+        Self::tinted(page, &Tint::own(page), 0)
     }
 
-    /// The same in other colours.
-    pub fn tinted(page: &Page<'_>, tint: &Tint) -> Self {
+    /// The same in other colours, and with room for so many charts.
+    pub fn tinted(page: &Page<'_>, tint: &Tint, charts: u32) -> Self {
         let (vertices, triangles) = (page.positions.len() as u32, page.triangles.len() as u32);
-        let layout = Layout::new(vertices, triangles, tint.is_there());
+        let layout = Layout::new(vertices, triangles, tint.is_there(), charts);
         let own = if page.attributes().has_normals() { Vec::new() } else { facings(page) };
         let mut words = Vec::with_capacity((layout.vertex_bytes() / 4) as usize);
         for (vertex, [x, y, z]) in page.positions.iter().enumerate() {
@@ -140,7 +178,7 @@ mod tests {
             let mut page = Vec::new();
             parts.encode(&mut page).unwrap();
             let block = Block::of_page(&Page::parse(&page).unwrap());
-            assert_eq!(block.layout(), Layout::new(3, 1, words == 5));
+            assert_eq!(block.layout(), Layout::new(3, 1, words == 5, 0));
             // Six bytes of corners are less than a unit.
             assert_eq!(block.layout().bytes(), 4 * 4 * words);
             assert_eq!(block.bytes().len() as u64, block.layout().vertex_bytes());
@@ -158,10 +196,13 @@ mod tests {
     fn there_is_room_for_all_corners() {
         for triangles in 0..100 {
             for colors in [false, true] {
-                let layout = Layout::new(7, triangles, colors);
-                let room = layout.bytes() - layout.vertex_bytes();
-                let needed = u64::from((6 * triangles).next_multiple_of(4));
-                assert!((needed..needed + u64::from(layout.unit)).contains(&room), "{layout:?}");
+                for charts in [0, 1, 5] {
+                    let layout = Layout::new(7, triangles, colors, charts);
+                    let room = layout.bytes() - layout.vertex_bytes();
+                    let sheet = if charts > 0 { 32 + 32 * charts + 4 * triangles.div_ceil(2) } else { 0 };
+                    let needed = u64::from((6 * triangles).next_multiple_of(4) + sheet);
+                    assert!((needed..needed + u64::from(layout.unit)).contains(&room), "{layout:?}");
+                }
             }
         }
     }

@@ -12,6 +12,7 @@ pub mod occlusion;
 pub mod passes;
 pub mod pipelines;
 pub mod probe;
+pub mod sheets;
 
 pub use arena::Arena;
 pub use block::Block;
@@ -22,3 +23,4 @@ pub use occlusion::{Answers, Occlusion, Questions, TestBox};
 pub use passes::{DrawBuffers, DrawList, Drawn, Mark};
 pub use pipelines::{Kind, Pipelines};
 pub use probe::Probe;
+pub use sheets::Sheets;

@@ -4,6 +4,7 @@ use super::arena::{Arena, Position, Resident};
 use super::buffers::Growing;
 use super::context::Gpu;
 use super::pipelines::{Kind, Pipelines, group};
+use super::sheets::Sheets;
 use bytemuck::{Pod, Zeroable};
 use chpm_mesh::ClusterId;
 use std::ops::Range;
@@ -22,10 +23,22 @@ struct Draw {
 /// Mark on a draw, beside its shape.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Mark {
-    /// Id of its first triangle.
-    pub key: u32,
-    /// Its colour, where colours are of clusters: red, green, blue.
-    pub tint: [u8; 3],
+    key: u32,
+    tint: u32,
+    /// The texture that its sheet is in.
+    texture: Option<usize>,
+}
+
+impl Mark {
+    /// Id of the first triangle, and the colour where colours are of clusters: red, green, blue.
+    pub fn tinted(key: u32, [r, g, b]: [u8; 3]) -> Self {
+        Mark { key, tint: u32::from_le_bytes([r, g, b, 255]), texture: None }
+    }
+
+    /// A sheet in a texture, by what [`Resident::sheet`] answers.
+    pub fn painted(texture: usize, [sheet, numbers]: [u32; 2]) -> Self {
+        Mark { key: numbers, tint: sheet, texture: Some(texture) }
+    }
 }
 
 /// Draws one after the other, those of one slab together.
@@ -35,8 +48,8 @@ pub struct DrawList {
     draws: Vec<Draw>,
     /// Arguments, as many words for each as the kind has.
     arguments: Vec<u32>,
-    /// The slab of some draws in a row.
-    runs: Vec<(usize, Range<u32>)>,
+    /// The slab of some draws in a row, and the texture of those that have a sheet.
+    runs: Vec<(usize, Option<usize>, Range<u32>)>,
     /// By draw: the cluster, and whether it is shown in any case.
     clusters: Vec<(ClusterId, bool)>,
     triangles: u64,
@@ -80,13 +93,7 @@ impl DrawList {
 
         // What shaders look up by the number of the draw.
         let (first, corners) = (resident.first, resident.first_corner());
-        let [r, g, b] = mark.tint;
-        self.draws.push(Draw {
-            vertices: first,
-            corners,
-            key: mark.key,
-            tint: u32::from_le_bytes([r, g, b, 255]),
-        });
+        self.draws.push(Draw { vertices: first, corners, key: mark.key, tint: mark.tint });
 
         // One instance where it is shown; a test sets it where not.
         let (count, instances) = (3 * triangles, u32::from(shown));
@@ -99,10 +106,16 @@ impl DrawList {
             self.triangles += u64::from(triangles);
         }
 
-        // Draws of one slab are bound together.
+        // Draws of one slab, and of one texture, are bound together.
         match self.runs.last_mut() {
-            Some((slab, range)) if *slab == resident.slab => range.end = index + 1,
-            _ => self.runs.push((resident.slab, index..index + 1)),
+            Some((slab, texture, range))
+                if *slab == resident.slab
+                    && (texture.is_none() || mark.texture.is_none() || *texture == mark.texture) =>
+            {
+                *texture = texture.or(mark.texture);
+                range.end = index + 1;
+            }
+            _ => self.runs.push((resident.slab, mark.texture, index..index + 1)),
         }
     }
 
@@ -136,6 +149,8 @@ pub struct Drawn<'a> {
     pub arena: &'a Arena,
     /// Which.
     pub list: &'a DrawList,
+    /// Their sheets.
+    pub sheets: Option<&'a Sheets>,
 }
 
 /// The buffers of a list on the GPU.
@@ -186,10 +201,10 @@ impl DrawBuffers {
 
     /// Draws a part of the list that was sent.
     pub fn draw(&self, gpu: &Gpu, pass: &mut wgpu::RenderPass<'_>, drawn: &Drawn<'_>, part: Range<usize>) {
-        let Drawn { pipeline: Some(pipeline), arena, list } = *drawn else { return };
+        let Drawn { pipeline: Some(pipeline), arena, list, sheets } = *drawn else { return };
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &self.group, &[]);
-        for (slab, run) in &list.runs {
+        for (slab, texture, run) in &list.runs {
             let (start, end) = (run.start.max(part.start as u32), run.end.min(part.end as u32));
             if start >= end {
                 continue;
@@ -197,6 +212,9 @@ impl DrawBuffers {
 
             // A slab is read as storage where shaders fetch, else as vertices and indices.
             pass.set_bind_group(1, arena.group(*slab), &[]);
+            if let (Some(sheets), Kind::Painted(_)) = (sheets, list.kind) {
+                pass.set_bind_group(2, sheets.group(*texture), &[]);
+            }
             if list.kind.is_indexed() {
                 pass.set_vertex_buffer(0, arena.buffer(*slab).slice(..));
                 pass.set_index_buffer(arena.buffer(*slab).slice(..), wgpu::IndexFormat::Uint16);

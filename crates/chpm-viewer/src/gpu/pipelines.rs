@@ -20,6 +20,8 @@ pub enum Kind {
     Bare(TextureFormat),
     /// Colours, or normals, of vertices.
     Colored(TextureFormat),
+    /// Colours of sheets; of vertices where a cluster has no sheet.
+    Painted(TextureFormat),
     /// Colours of triangles, or with their edges.
     Wired(TextureFormat),
     /// Ids.
@@ -46,7 +48,9 @@ impl Kind {
     pub fn format(self) -> Option<TextureFormat> {
         match self {
             Kind::Depth => None,
-            Kind::Bare(format) | Kind::Colored(format) | Kind::Wired(format) => Some(format),
+            Kind::Bare(format) | Kind::Colored(format) | Kind::Painted(format) | Kind::Wired(format) => {
+                Some(format)
+            }
             Kind::Identified => Some(IDS),
         }
     }
@@ -66,6 +70,9 @@ pub struct Pipelines {
     pub frame: wgpu::BindGroupLayout,
     /// A slab.
     pub slab: wgpu::BindGroupLayout,
+    /// A texture of sheets; nothing else binds it.
+    pub sheets: wgpu::BindGroupLayout,
+    painted: wgpu::PipelineLayout,
     /// Whether what is drawn next shows its front sides only.
     pub one_sided: bool,
     /// Whether what is drawn next is clipped.
@@ -76,15 +83,16 @@ pub struct Pipelines {
 }
 
 impl Pipelines {
-    /// None yet, for files with or without colours.
-    pub fn new(gpu: &Gpu, colors: bool) -> Self {
+    /// None yet, for files with or without colours, and with or without sheets.
+    pub fn new(gpu: &Gpu, colors: bool, has_sheets: bool) -> Self {
         let device = &gpu.device;
         let shown = include_str!("../shaders/depth_shown.wgsl");
         let kept = match gpu.writes_depth() {
             true => [include_str!("../shaders/depth_written.wgsl"), shown],
             false => [include_str!("../shaders/depth_kept.wgsl"), ""],
         };
-        let clusters = include_str!("../shaders/clusters.wgsl");
+        let sheets = if has_sheets { include_str!("../shaders/sheets.wgsl") } else { "" };
+        let clusters = &[include_str!("../shaders/clusters.wgsl"), sheets].concat();
         let shader = gpu.shader(&[camera_uniform::WGSL, kept[0], kept[1], clusters]);
         // A depth that is written is that of all samples of a pixel, unless each is looked at on its own.
         let sampled = (gpu.writes_depth() && gpu.multisamples()).then(|| {
@@ -95,17 +103,23 @@ impl Pipelines {
         let both = ShaderStages::VERTEX_FRAGMENT;
         let frame = layout(gpu, "frame", &[(both, UNIFORM), (ShaderStages::VERTEX, READ)]);
         let slab = layout(gpu, "clusters", &[(ShaderStages::VERTEX, READ)]);
-        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("clusters"),
-            bind_group_layouts: &[Some(&frame), Some(&slab)],
-            immediate_size: 0,
-        });
+        let pixels = ShaderStages::FRAGMENT;
+        let sheets = layout(gpu, "sheets", &[(pixels, TEXTURE), (pixels, SAMPLER)]);
+        let of = |bind_group_layouts: &[Option<&wgpu::BindGroupLayout>]| {
+            let label = Some("clusters");
+            let descriptor = wgpu::PipelineLayoutDescriptor { label, bind_group_layouts, immediate_size: 0 };
+            device.create_pipeline_layout(&descriptor)
+        };
+        let painted = of(&[Some(&frame), Some(&slab), Some(&sheets)]);
+        let layout = of(&[Some(&frame), Some(&slab)]);
         Pipelines {
             shader,
             sampled,
             layout,
             frame,
             slab,
+            sheets,
+            painted,
             one_sided: false,
             clipped: false,
             colors,
@@ -137,6 +151,7 @@ impl Pipelines {
             Kind::Depth => ("depth_only", gpu.writes_depth().then_some("deep")),
             Kind::Bare(_) => ("bare", Some("bared")),
             Kind::Colored(_) => ("indexed", Some("colored")),
+            Kind::Painted(_) => ("pulled_painted", Some("painted")),
             Kind::Wired(_) => ("pulled", Some("wired")),
             Kind::Identified => ("pulled", Some("identified")),
         };
@@ -169,7 +184,7 @@ impl Pipelines {
 
         gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some("clusters"),
-            layout: Some(&self.layout),
+            layout: Some(if matches!(kind, Kind::Painted(_)) { &self.painted } else { &self.layout }),
             vertex: wgpu::VertexState {
                 module: shader,
                 entry_point: Some(vertex),
@@ -232,6 +247,15 @@ pub const DEPTH_TEXTURE: BindingType = BindingType::Texture {
     view_dimension: wgpu::TextureViewDimension::D2,
     multisampled: false,
 };
+
+/// Colours that are read between their texels.
+pub const TEXTURE: BindingType = BindingType::Texture {
+    sample_type: wgpu::TextureSampleType::Float { filterable: true },
+    view_dimension: wgpu::TextureViewDimension::D2,
+    multisampled: false,
+};
+/// How they are.
+pub const SAMPLER: BindingType = BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
 
 /// A pipeline that computes; `entry` names the function and the pipeline.
 pub fn compute(
