@@ -157,7 +157,7 @@ impl Mesh {
         side: usize,
     ) -> (Vec<[f64; 3]>, Vec<bool>) {
         let table: [f64; 256] = std::array::from_fn(|value| light(value as f64 / 255.0));
-        let (axis, sign) = (view / 2, if view % 2 == 0 { 1.0 } else { -1.0 });
+        let (axis, sign) = (view / 2, if view.is_multiple_of(2) { 1.0 } else { -1.0 });
         let (right, down) = ((axis + 1) % 3, (axis + 2) % 3);
         let extent = (high[right] - low[right]).max(high[down] - low[down]);
         let fine = side * FINE;

@@ -189,6 +189,32 @@ fn collapses_stay_in_charts() {
     mesh.check_colors(&plan);
 }
 
+/// A dark step, small and steep, takes the place of the ground about it when the mesh is coarse: it has the ground's colour there, and its own where it is.
+#[test]
+fn what_grows_shows_what_it_covers() {
+    let mesh = Mesh {
+        positions: vec![[0.0; 3], [10.0, 0.0, 0.0], [0.0, 10.0, 0.0], [5.0, 0.1, 1.0]],
+        triangles: vec![[0, 1, 3], [0, 3, 2], [1, 2, 3]],
+        targets: vec![2],
+        texel: 0.05,
+    };
+    let plan = mesh.plan();
+    mesh.check(&plan);
+    let [dark, light] = [[20, 20, 20, 255], [220, 220, 220, 255]].map(|color| Paint::Colors([color; 3]));
+    let texels = [mesh.texel; 3];
+    let baked = plan.bake(&mesh.surface(&texels), &[dark, light, light], &mut Nothing).expect("texels");
+    let chart = &plan.charts[usize::from(plan.chart_of[0])];
+    let color = |point: [f32; 3]| {
+        let [x, y] = chart.place(plan.origin, point);
+        baked[y as usize * plan.size[0] as usize + x as usize][0]
+    };
+    for (place, expected) in
+        [([5.0, 0.05, 0.5], 20), ([3.0, 4.0, 0.0], 220), ([1.0, 7.0, 0.0], 220), ([6.0, 2.0, 0.0], 220)]
+    {
+        assert_eq!(color(place), expected, "{place:?}");
+    }
+}
+
 #[test]
 fn odd_surfaces_have_plans() {
     let lonely = Mesh {

@@ -8,6 +8,8 @@ const FINEST: f64 = 0.5;
 const EVERY: f64 = 0.17364817766693036;
 /// The same where a few triangles join a chart that is there.
 const JOINED: f64 = 0.13;
+/// Weight of a lone triangle's finest normal beside that of its states.
+const OWN: f64 = 0.25;
 /// Triangles below which a chart joins a neighbour.
 const CRUMB: usize = 12;
 /// No triangle.
@@ -78,10 +80,10 @@ impl<'a> Faces<'a> {
                 }
             }
             let direction = if joined.is_empty() {
-                // A mean that none faces: begin with the largest, which may turn too far later on.
+                // A mean that none faces: begin with the largest.
                 let largest = self.largest(&some);
                 joined.push(largest);
-                unit(self.areas[largest as usize]).unwrap_or([0.0, 0.0, 1.0])
+                self.direction_of_one(largest)
             } else {
                 direction
             };
@@ -120,6 +122,15 @@ impl<'a> Faces<'a> {
             Some(direction) => direction,
             None => unit(self.areas[self.largest(triangles) as usize]).unwrap_or([0.0, 0.0, 1.0]),
         }
+    }
+
+    /// Direction of a triangle alone, which turns too far for any other: that of its states by area, since what is small when the mesh is fine may take the place
+    /// of all about it when it is coarse, and has to find their colours then; and a part of its own, so that it is not seen from the edge.
+    fn direction_of_one(&self, triangle: u32) -> Vector {
+        let states = self.surface.mesh().states(self.surface.triangles[triangle as usize]);
+        let sum = states.fold([0.0; 3], |sum, state| add(sum, doubled_area(self.surface.corners(state))));
+        let own = unit(self.areas[triangle as usize]).unwrap_or_default();
+        unit(sum).and_then(|mean| unit(add(mean, scale(own, OWN)))).unwrap_or([0.0, 0.0, 1.0])
     }
 
     fn largest(&self, triangles: &[u32]) -> u32 {
