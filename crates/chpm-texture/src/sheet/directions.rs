@@ -127,7 +127,8 @@ impl<'a> Faces<'a> {
     /// Direction of a triangle alone, which turns too far for any other: that of its states by area, since what is small when the mesh is fine may take the place
     /// of all about it when it is coarse, and has to find their colours then; and a part of its own, so that it is not seen from the edge.
     fn direction_of_one(&self, triangle: u32) -> Vector {
-        let states = self.surface.mesh().states(self.surface.triangles[triangle as usize]);
+        let mesh = self.surface.mesh();
+        let states = mesh.states(self.surface.triangles[triangle as usize]);
         let sum = states.fold([0.0; 3], |sum, state| add(sum, doubled_area(self.surface.corners(state))));
         let own = unit(self.areas[triangle as usize]).unwrap_or_default();
         unit(sum).and_then(|mean| unit(add(mean, scale(own, OWN)))).unwrap_or([0.0, 0.0, 1.0])
