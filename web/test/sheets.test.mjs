@@ -369,7 +369,7 @@ test("models of three.js have their sheets, and lay them down with their cluster
   const middles = Array.from({ length: SQUARES * SQUARES }, (_, i) => [i % SQUARES, Math.floor(i / SQUARES)].map((n) => (n + 0.5) / SQUARES)).map(([x, y]) => [x, y, height(x, y)]);
   const found = await page.evaluate((points) => {
     const { models, renderer: { domElement: canvas }, camera, THREE } = example;
-    const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d");
+    const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d", { willReadFrequently: true });
     copy.drawImage(canvas, 0, 0);
     const light = points.map((point) => {
       const { x, y } = new THREE.Vector3(...point).project(camera);
