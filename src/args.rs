@@ -182,7 +182,7 @@ enum TextureArg {
     None,
     /// Their texels are averaged into the colours of vertices
     Vertices,
-    /// That, and each cluster has a sheet, an image of its surface: for extract --texture-size
+    /// That, and each cluster has a sheet, an image of its surface: for view, render, pages and extract --texture-size
     Sheets,
 }
 

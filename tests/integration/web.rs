@@ -434,6 +434,7 @@ fn the_reader_and_the_page_pass_their_tests() {
         "select.test.mjs",
         "glide.test.mjs",
         "page.test.mjs",
+        "sheets.test.mjs",
         "share.test.mjs",
         "tools.test.mjs",
         "package.test.mjs",

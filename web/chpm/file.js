@@ -2,7 +2,8 @@
 
 import { unpack } from "./packed.js";
 import { readPage } from "./page.js";
-import { CHUNKS, CLUSTERS, GROUPS, MEMBERS, SCALARS, expect, readCluster, readGroup, readHeader, readScalars, readSections, viewOf } from "./records.js";
+import { CHUNKS, CLUSTERS, GROUPS, MEMBERS, SCALARS, TEXELS, TEXTURES, expect, readCluster, readGroup, readHeader, readScalars, readSections, viewOf } from "./records.js";
+import { Sheets } from "./sheets.js";
 import { ChpmError, readExactly, readSound } from "./source.js";
 import { xxh3 } from "./xxh3.js";
 import { expand } from "./zstd.js";
@@ -83,6 +84,7 @@ export class ChpmFile {
   #pages;
   #clusters = new Map();
   #groups = new Map();
+  #texels = new Map();
   #zstd;
 
   /** @private */
@@ -92,6 +94,8 @@ export class ChpmFile {
     this.#tables = tables;
     this.#pages = sections.get(6);
     this.header = header;
+    /** The sheets, where clusters have some; else null. */
+    this.sheets = header.hasSheets ? new Sheets(source, sections.get(TEXTURES), sections.get(TEXELS), zstd) : null;
   }
 
   get source() {
@@ -174,6 +178,17 @@ export class ChpmFile {
     const increase = ids.every((id, i) => id < this.header.clusterCount && (i === 0 || id > ids[i - 1]));
     expect(increase, () => `group ${group.id}: its clusters are ${ids.join(", ")}`);
     return ids;
+  }
+
+  /** The largest texels of the sheets of a group's coarse clusters, in units of the model; 0 where they are not known. */
+  texel(group) {
+    const known = this.#texels.get(group.id);
+    if (known !== undefined || !this.sheets || !this.hasMembers(group)) return known ?? 0;
+    const records = this.coarse(group).map((id) => this.sheets.record(id));
+    if (records.includes(null)) return 0;
+    const texel = Math.max(...records.map((record) => record.texel));
+    this.#texels.set(group.id, texel);
+    return texel;
   }
 
   /**

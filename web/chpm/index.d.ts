@@ -43,6 +43,8 @@ export function memorySource(bytes: ArrayBuffer | ArrayBufferView): Source;
 export interface Header {
   readonly versionMinor: number;
   readonly isPacked: boolean;
+  /** Whether clusters have sheets: images of their surfaces. */
+  readonly hasSheets: boolean;
   readonly fileLength: number;
   readonly hasNormals: boolean;
   readonly hasColors: boolean;
@@ -120,8 +122,60 @@ export class Page {
   ids(): Float64Array;
 }
 
+/** A cluster's image, of which its triangles show parts. */
+export class Sheet {
+  readonly cluster: Cluster;
+  /** Width and height, texels. */
+  readonly size: [number, number];
+  /** Side of the largest texels, in units of the model. */
+  readonly texel: number;
+  /** Media type of the image, and the image as it is stored. */
+  readonly type: "image/jpeg" | "image/png";
+  readonly image: Uint8Array;
+  /** By triangle of the finest mesh, the chart that it is in at all positions. */
+  readonly chartOf: Uint16Array;
+  /** Puts where a vertex is in a chart to `to`, from `at` on: shares of width and height, from the upper left corner. */
+  place(chart: number, positions: Float32Array, vertex: number, to: Float32Array, at: number): void;
+  /** The image, its sides halved so often. Browsers only. */
+  decode(halvings?: number): Promise<ImageBitmap>;
+}
+
+export interface SheetRecord {
+  readonly id: number;
+  readonly size: [number, number];
+  readonly texel: number;
+  readonly chartCount: number;
+  readonly type: "image/jpeg" | "image/png";
+}
+
+export class Sheets {
+  /** Fetches what is missing of these clusters' records. */
+  need(ids: Iterable<number>, signal?: AbortSignal): Promise<void>;
+  /** Null if it has not been fetched. */
+  record(id: number): SheetRecord | null;
+  /** Clusters whose sheets come in one request, and those of the next. */
+  runs(ids: Iterable<number>, longest?: number, near?: number): number[][];
+  /** Sheets of clusters whose records are there; neighbours come in one request. */
+  each(clusters: Cluster[], take: (sheet: Sheet) => void | Promise<void>, signal?: AbortSignal): Promise<void>;
+}
+
+/** The vertices of a page, one for each chart that a vertex is drawn in. */
+export class Copies {
+  constructor(page: Page, sheet: Sheet);
+  readonly count: number;
+  readonly vertexOf: Uint16Array;
+  /** Two shares of the sheet's width and height for each. */
+  readonly places: Float32Array;
+  /** What vertices have, `size` values each, for their copies. */
+  of<A extends Float32Array | Uint8Array | Int16Array>(values: A, size: number): A;
+  /** Three copies for each triangle of the mesh of the first `n` vertices. */
+  indices(n: number): Uint16Array | Uint32Array;
+}
+
 export class ChpmFile {
   readonly header: Header;
+  /** Null where clusters have none. */
+  readonly sheets: Sheets | null;
   readonly source: Source;
   needClusters(ids: Iterable<number>, signal?: AbortSignal): Promise<void>;
   needGroups(ids: Iterable<number>, signal?: AbortSignal): Promise<void>;
@@ -136,6 +190,8 @@ export class ChpmFile {
   needTables(signal?: AbortSignal): Promise<void>;
   /** Clusters whose pages come in one request, and those of the next. */
   runs(ids: Iterable<number>, longest?: number, near?: number): number[][];
+  /** The largest texels of the sheets of a group's coarse clusters; 0 where they are not known. */
+  texel(group: Group): number;
   coarse(group: Group): number[];
   fine(group: Group): number[];
   roots(signal?: AbortSignal): Promise<number[]>;
@@ -176,8 +232,9 @@ export function level(number: number): Rule;
 /**
  * At most `pixels` of error in an image of `height` rows; `eye` in the model's coordinates, less `origin`; `fov` in degrees, vertical. Beyond one of
  * the `planes` (inner normal of length 1, offset; for points relative to the eye) any error is allowed. With `regions` boxes count, as in the viewer.
+ * A group with a larger `texel` than the error that is allowed is split for its sheets.
  */
-export function camera(view: { eye: number[]; fov: number; near?: number; height: number; pixels: number; origin?: number[]; planes?: number[][]; regions?: Regions | null }): Rule;
+export function camera(view: { eye: number[]; fov: number; near?: number; height: number; pixels: number; origin?: number[]; planes?: number[][]; regions?: Regions | null; texel?: ((group: Group) => number) | null }): Rule;
 
 /** The cut that a rule gives; tables are fetched as far as it goes. */
 export function select(file: ChpmFile, rule: Rule, options?: { signal?: AbortSignal }): Promise<Member[]>;

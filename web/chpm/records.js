@@ -23,7 +23,6 @@ const MAGIC = [0x89, 0x43, 0x48, 0x50, 0x4d, 0x0d, 0x0a, 0x1a];
 const PACKED = 1;
 const OCTAHEDRAL = 2;
 const SCALARS_FLAG = 4;
-/** Images of surfaces, which this reader does not draw: vertices have their mean colours. */
 const SHEETS = 8;
 
 export function expect(is, message) {

@@ -47,11 +47,12 @@ export function level(number) {
 
 /**
  * At most `pixels` of error in an image of `height` rows.
- * @param {{ eye: number[], fov: number, near?: number, height: number, pixels: number, origin?: number[], planes?: number[][], regions?: Regions }} view `eye` in
+ * @param {{ eye: number[], fov: number, near?: number, height: number, pixels: number, origin?: number[], planes?: number[][], regions?: Regions, texel?: (group) => number }} view `eye` in
  *   the model's coordinates, or relative to `origin` if that is given; `fov` is the vertical angle in degrees. Beyond one of the `planes` (inner normal of
- *   length 1, offset; for points relative to the eye) any error is allowed. With `regions` boxes count, too: the same cut as that of the viewer
+ *   length 1, offset; for points relative to the eye) any error is allowed. With `regions` boxes count, too: the same cut as that of the viewer. A group with
+ *   a larger `texel` than the error that is allowed is split for its sheets
  */
-export function camera({ eye, fov, near = 0, height, pixels, origin = [0, 0, 0], planes = [], regions = null }) {
+export function camera({ eye, fov, near = 0, height, pixels, origin = [0, 0, 0], planes = [], regions = null, texel = null }) {
   const at = eye.map((x, axis) => x - origin[axis]);
   const scale = pixels * ((2 * Math.tan((fov * Math.PI) / 360)) / height);
   const bound = (group) => {
@@ -64,7 +65,8 @@ export function camera({ eye, fov, near = 0, height, pixels, origin = [0, 0, 0],
     const reach = away - radius - slack * (away + radius);
     return roundDown(scale * Math.max(reach, regions ? toBox(regions, group.id, at) : 0, near, 0));
   };
-  return { wants: (group) => bound(group) < (regions ? regions.splitError[group.id] : group.minError), bound };
+  const least = (group) => Math.max(regions ? regions.splitError[group.id] : group.minError, texel?.(group) ?? 0);
+  return { wants: (group) => bound(group) < least(group), bound };
 }
 
 const norm = (x, y, z) => Math.sqrt(x * x + y * y + z * z);

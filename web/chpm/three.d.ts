@@ -1,12 +1,12 @@
 import type * as Three from "three";
-import type { ChpmFile, Page, Source } from "./index.js";
+import type { ChpmFile, Copies, Page, Source } from "./index.js";
 
 type ThreeModule = typeof Three;
 
-/** The mesh of the first `n` vertices of a page, relative to the file's origin. */
-export function geometry(THREE: ThreeModule, page: Page, n: number): Three.BufferGeometry;
-/** Shows another position of the same page. */
-export function setPosition(THREE: ThreeModule, geometry: Three.BufferGeometry, page: Page, n: number): void;
+/** The mesh of the first `n` vertices of a page, relative to the file's origin; with `copies` it has places in the page's sheet. */
+export function geometry(THREE: ThreeModule, page: Page, n: number, copies?: Copies | null): Three.BufferGeometry;
+/** Shows another position of the same page, or of its copies. */
+export function setPosition(THREE: ThreeModule, geometry: Three.BufferGeometry, page: Page | Copies, n: number): void;
 
 /** What models of a scene share: so many bytes for their pages. */
 export class ChpmCache {
@@ -18,6 +18,7 @@ export interface ChpmMeshOptions {
   /** Pixels of error that are allowed; 1 if not told otherwise. */
   pixels?: number;
   cache?: ChpmCache;
+  /** Cloned for each cluster with a sheet, if it has a `map`. */
   material?: Three.Material;
 }
 

@@ -14,6 +14,8 @@ export const launch = () => playwright.chromium.launch({ executablePath: CHROMIU
 /** An empty page, and what its console and its errors are going to say. */
 export async function newPage(browser) {
   const page = await browser.newPage({ viewport: { width: 900, height: 600 } });
+  // Machines may have more to do.
+  page.setDefaultTimeout(120000);
   const said = [];
   page.on("console", (message) => said.push(message.text()));
   page.on("pageerror", (error) => said.push(error.stack));

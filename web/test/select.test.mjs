@@ -33,6 +33,9 @@ test("a camera allows no more than its pixels at any point of a sphere", () => {
     if (nearest === 0) assert.equal(bound, 0);
     assert.equal(rule.wants({ sphere: { center, radius }, level: 0, minError: bound }), false);
     assert.equal(rule.wants({ sphere: { center, radius }, level: 0, minError: bound + 1e-6 }), true);
+    // Texels that are larger than what is allowed are seen, too.
+    const textured = camera({ eye: world, fov: 60, height: 1000, pixels, origin, texel: ({ texel }) => texel });
+    for (const more of [0, 1e-6]) assert.equal(textured.wants({ sphere: { center, radius }, level: 0, minError: 0, texel: bound + more }), more > 0);
   }
   assert.ok(near > 20 && near < 400, `${near}`);
 });

@@ -4,6 +4,7 @@ import { execFileSync } from "node:child_process";
 import { mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import path from "node:path";
+import { deflateSync } from "node:zlib";
 import { xxh3 } from "../chpm/xxh3.js";
 
 /** The command, as the tests of the project name it. */
@@ -67,8 +68,40 @@ function inOrder(triangles) {
   return triangles.map(turned).sort();
 }
 
-/** Makes all checksums right again, but those of pages that are not in `pages`. */
-export function repaired(bytes, pages = []) {
+/** The remainder that parts of a PNG end with. */
+function crc(bytes) {
+  let sum = ~0;
+  for (const byte of bytes) {
+    sum ^= byte;
+    for (let bit = 0; bit < 8; bit++) sum = (sum >>> 1) ^ (sum & 1 ? 0xedb88320 : 0);
+  }
+  return ~sum >>> 0;
+}
+
+/** A PNG of a square; `color` answers red, green and blue by column and row, from 0 to 1, the lowest row first. */
+export function png(side, color) {
+  const part = (name, data) => {
+    const bytes = Buffer.alloc(12 + data.length);
+    bytes.writeUInt32BE(data.length, 0);
+    bytes.write(name, 4, "latin1");
+    bytes.set(data, 8);
+    bytes.writeUInt32BE(crc(bytes.subarray(4, -4)), 8 + data.length);
+    return bytes;
+  };
+  const head = Buffer.alloc(13);
+  head.writeUInt32BE(side, 0);
+  head.writeUInt32BE(side, 4);
+  head.set([8, 2, 0, 0, 0], 8);
+  const rows = Buffer.alloc(side * (1 + 3 * side));
+  for (let y = 0; y < side; y++) {
+    for (let x = 0; x < side; x++) rows.set(color((x + 0.5) / side, 1 - (y + 0.5) / side), y * (1 + 3 * side) + 1 + 3 * x);
+  }
+  const signature = Buffer.from([0x89, 0x50, 0x4e, 0x47, 0x0d, 0x0a, 0x1a, 0x0a]);
+  return Buffer.concat([signature, part("IHDR", head), part("IDAT", deflateSync(rows)), part("IEND", Buffer.alloc(0))]);
+}
+
+/** Makes all checksums right again, but those of pages that are not in `pages`, and of sheets that are not in `sheets`. */
+export function repaired(bytes, pages = [], sheets = []) {
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
   const count = view.getUint32(32, true);
   const sections = Array.from({ length: count }, (_, i) => {
@@ -81,6 +114,11 @@ export function repaired(bytes, pages = []) {
     const at = clusters.offset + 128 * id;
     view.setBigUint64(at + 96, xxh3(part(Number(view.getBigUint64(at, true)), view.getUint32(at + 8, true))), true);
   }
+  for (const id of sheets) {
+    const [records, texels] = [8, 9].map((kind) => sections.find((section) => section.kind === kind));
+    const at = records.offset + 64 * id;
+    view.setBigUint64(at + 40, xxh3(part(texels.offset + Number(view.getBigUint64(at + 8, true)), view.getUint32(at + 16, true) + view.getUint32(at + 20, true))), true);
+  }
   const chunks = sections.find(({ kind }) => kind === 0x80000001);
   if (chunks) {
     const chunkLength = Number(view.getBigUint64(chunks.offset, true));
@@ -92,7 +130,7 @@ export function repaired(bytes, pages = []) {
     }
   }
   for (const { at, kind, offset, length } of sections) {
-    if (kind !== 6) view.setBigUint64(at + 32, xxh3(part(offset, length)), true);
+    if (kind !== 6 && kind !== 9) view.setBigUint64(at + 32, xxh3(part(offset, length)), true);
   }
   view.setBigUint64(240, xxh3(part(256, 40 * count)), true);
   view.setBigUint64(248, xxh3(part(0, 248)), true);

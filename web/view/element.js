@@ -80,7 +80,7 @@ class ChpmViewer extends (globalThis.HTMLElement ?? class {}) {
       this.isDue = false;
       if (!this.model?.isReady || !this.isConnected) return;
       const pixels = Number(this.getAttribute("pixels")) || 1;
-      this.drawn = this.model.draw(this.orbit, { pixels, budget: BUDGET, colorOf: () => null, shading: "smooth", studio: true, rest: true, clip: null, scalar: null });
+      this.drawn = this.model.draw(this.orbit, { pixels, budget: BUDGET, colorOf: () => null, shading: "smooth", studio: true, rest: true, sheets: true, clip: null, scalar: null });
       if (this.drawn.settling) this.#changed();
       else if (this.drawn.settled) this.#say("settled");
     });

@@ -120,7 +120,7 @@ async function show(source, name, seen, keep = false) {
     opened.note = seen?.note;
     if (model !== opened) return;
     tell("loading");
-    offer(opened.file.header.scalars);
+    offer(opened.file.header);
     if (keep) return void changed();
     stand(seen);
     state.orbit.frame(opened.points, opened.radius);
@@ -197,8 +197,15 @@ function fullScreen() {
   else document.documentElement.requestFullscreen?.().catch(() => {});
 }
 
+/** Shows images, or the colours of vertices instead. */
+function paint() {
+  if (!model?.file?.sheets) return;
+  $("colors").value = $("colors").value === "surface" ? "vertices" : "surface";
+  changed();
+}
+
 const home = () => model?.isReady && state.orbit.frame(model.points, model.radius);
-const KEYS = { h: home, m: () => measure(!isMeasuring), t: () => spin(spun === null), f: fullScreen, Escape: () => measure(false) };
+const KEYS = { h: home, m: () => measure(!isMeasuring), t: () => spin(spun === null), f: fullScreen, i: paint, Escape: () => measure(false) };
 
 function listen() {
   const canvas = $("canvas");

@@ -5,6 +5,7 @@ import { missesCluster } from "../chpm/frustum.js";
 import { Borders } from "./facing.js";
 import { Glide } from "./glide.js";
 import { Line } from "./line.js";
+import { Painter } from "./painter.js";
 
 /** Requests that are under way at once; they share the line, and none waits for the answer of another. */
 const AT_ONCE = 3;
@@ -52,6 +53,7 @@ export class Model {
     this.points = points ?? Array.from({ length: 8 }, (_, n) => low.map((x, axis) => ((n >> axis) & 1 ? high : low)[axis]));
     this.place = { center: this.center, stretch, scale: 2 ** Math.round(Math.log2(this.radius || 1)) };
     await this.#take(this.roots, signal);
+    this.painter = this.file.sheets && new Painter(this.file, this.renderer, this.place, this.line, this.hear, this.memory);
     this.borders = new Borders(this.file, this.roots, (id) => this.renderer.page(id));
     /** Before, there is nothing to draw, whatever changes. */
     this.isReady = true;
@@ -60,8 +62,11 @@ export class Model {
   /** Fetches the tables, once there is a picture, unless they are large. */
   async #need() {
     this.isWhole = this.file.tablesLength <= TABLES;
+    // Which texels are seen decides what is split.
+    const sheets = this.isWhole && this.painter?.need(Array.from({ length: this.file.header.clusterCount }, (_, id) => id));
     try {
       if (this.isWhole) await this.line.reach((signal) => this.file.needTables(signal));
+      await sheets;
       if (this.isWhole) this.regions = new Regions(this.file);
     } catch (error) {
       if (this.line.signal.aborted) return;
@@ -87,7 +92,7 @@ export class Model {
    * Draws what is there, and fetches what the view wants beside it.
    * @returns what was drawn, and whether anything is still to come
    */
-  draw(orbit, { pixels, budget, colorOf, shading, scalar, clip, studio, rest }) {
+  draw(orbit, { pixels, budget, colorOf, shading, scalar, clip, studio, rest, sheets }) {
     const { file, renderer } = this;
     const { clientWidth: width, clientHeight: height } = renderer.canvas;
     const { stretch } = this.place;
@@ -97,7 +102,9 @@ export class Model {
     if (cutting) planes.push(beyond(cutting, eye));
     // Errors know nothing of a stretch, and say little of such a picture: it is nearly as fine as the file.
     const fine = stretch.every((factor) => factor === 1) ? 1 : 1e-6;
-    const camera = { eye, fov: orbit.fov, near: orbit.range()[0], height: Math.max(height, 1), planes, regions: this.regions };
+    const painter = sheets ? this.painter : null;
+    const texel = painter && ((group) => file.texel(group));
+    const camera = { eye, fov: orbit.fov, near: orbit.range()[0], height: Math.max(height, 1), planes, regions: this.regions, texel };
     const rule = (times) => cameraRule({ ...camera, pixels: pixels * fine * this.relaxed * times });
     const before = this.relaxed;
     const wanted = this.#wanted(rule, budget);
@@ -107,7 +114,7 @@ export class Model {
     // A plane across an axis is at its place times the factor of that axis.
     const across = cutting && [cutting[0], cutting[1] * stretch[clip.axis]];
     const borders = shading === "flat" ? null : this.borders;
-    const drawn = renderer.draw(seen, orbit, this.place, { colorOf, scalar, borders, clip: across, studio, rest });
+    const drawn = renderer.draw(seen, orbit, this.place, { colorOf, scalar, borders, sheets, clip: across, studio, rest });
 
     // Where a view asks for more triangles than are allowed, all of it gets coarser until it fits.
     const { isGliding } = this.glide;
@@ -115,8 +122,9 @@ export class Model {
     else if (this.relaxed > 1 && !isGliding && wanted.count < 0.7 * budget) this.relaxed = Math.max(1, this.relaxed / 1.1);
     const settling = this.relaxed !== before || isGliding;
     const isComing = this.#fetch(rule, wanted);
+    const isPainting = Boolean(painter) && this.#paint(painter, seen, wanted);
     renderer.shrink(this.memory, new Set([...this.roots, ...wanted.pages]));
-    return { ...drawn, clusters: seen.length, cut, settled: !isComing && !settling, relaxed: this.relaxed, settling };
+    return { ...drawn, clusters: seen.length, cut, settled: !isComing && !isPainting && !settling, relaxed: this.relaxed, settling };
   }
 
   /** A plane across an axis of the file, beyond which nothing is drawn: its outer normal and offset. */
@@ -139,7 +147,7 @@ export class Model {
     for (;;) {
       const { cut, waiting, met } = this.#select(rule(1));
       const count = cut.reduce((sum, { cluster, bound }) => sum + trianglesAt(this.file.cluster(cluster), bound), 0);
-      if (count <= 1.5 * budget || this.relaxed >= 1e6) return { pages: [...met], waiting, count };
+      if (count <= 1.5 * budget || this.relaxed >= 1e6) return { pages: [...met], cut: new Set(cut.map(({ cluster }) => cluster)), waiting, count };
       this.relaxed = Math.min(this.relaxed * 1.25, 1e6);
     }
   }
@@ -158,6 +166,13 @@ export class Model {
       for (const run of this.file.runs(due, LONGEST, NEAR).slice(0, AT_ONCE - this.requests)) this.#bring(run);
     }
     return true;
+  }
+
+  /** Asks for the sheets of what is drawn and stays so, once nothing else is left to ask for; whether any is still to come. */
+  #paint(painter, seen, { cut, waiting }) {
+    if (this.isWhole !== Boolean(this.regions) || (waiting.length > 0 && this.records.size > 0)) return true;
+    const ids = seen.map(({ cluster }) => cluster).filter((id) => cut.has(id));
+    return painter.fetch(ids, AT_ONCE - this.requests - painter.requests);
   }
 
   /** Fetches pages that lie side by side. */

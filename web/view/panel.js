@@ -14,15 +14,18 @@ function bytes(count) {
 
 const COLORS = {
   surface: () => null,
+  vertices: () => null,
   level: ({ level }, _, { levelCount }) => viridis(level / Math.max(levelCount - 1, 1)),
   cluster: ({ id }) => distinct(id),
   error: (_, error, __, largest) => viridis(error / (largest || 1)),
 };
 const SCALAR = "scalar ";
 
-/** Colours by the scalars that a file has can be chosen, too. */
-export function offer(scalars) {
-  for (const option of [...$("colors").options]) if (option.value.startsWith(SCALAR)) option.remove();
+/** Colours by the scalars that a file has can be chosen, too, and those of vertices where it has images. */
+export function offer({ scalars, hasSheets }) {
+  const isOther = (value) => value.startsWith(SCALAR) || value === "vertices";
+  for (const option of [...$("colors").options]) if (isOther(option.value)) option.remove();
+  if (hasSheets) $("colors").add(new Option("vertices, no images", "vertices"), 1);
   for (const { name } of scalars) $("colors").add(new Option(name, SCALAR + name));
 }
 
@@ -34,7 +37,7 @@ export function settings(header, largest) {
   const axis = $("clip").value;
   const clip = axis === "" ? null : { axis: Number(axis), share: Number($("clip-at").value), isFlipped: $("clip-flip").checked };
   const [pixels, budget] = [2 ** Number($("pixels").value), 10 ** Number($("budget").value)];
-  return { pixels, budget, colors, scalar, colorOf, clip, shading: $("shading").value, studio: $("light").value === "studio" };
+  return { pixels, budget, colors, scalar, colorOf, clip, sheets: colors === "surface", shading: $("shading").value, studio: $("light").value === "studio" };
 }
 
 /** What the colours of numbers stand for. */
@@ -58,6 +61,7 @@ export function tellDrawn(model, last) {
   list($("counters"), {
     clusters: `${last.clusters} of ${whole.format(header.clusterCount)}`,
     ...(traffic && { fetched: `${bytes(traffic.bytes)}, ${traffic.requests} requests` }),
+    ...(header.hasSheets && { images: `${last.painted} of ${last.clusters}` }),
     file: bytes(header.fileLength),
     ...(model.note && { note: model.note }),
   });
