@@ -22,7 +22,7 @@ use chpm_extmem::WorkDir;
 use chpm_format::Chpm;
 use chpm_mesh::{Bytes, Counted, Scalar, viridis};
 use chpm_refine::{Camera, Portrait, Side};
-use chpm_viewer::{Accuracy, FrameRequest, IdImage, Image, Look, Stats, Viewer, headless};
+use chpm_viewer::{Accuracy, FrameRequest, IdImage, Image, Look, Stats, headless};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

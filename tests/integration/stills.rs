@@ -29,7 +29,7 @@ fn neither_threads_nor_memory_show() {
             "--threads 3 --memory 70M",
         ),
         (
-            "in.chpm --viewport 64x48 --poe 1 --clip x:0 --shading flat --transparent",
+            "in.chpm --viewport 64x48 --poe 1 --clip z:0.5 --shading flat --transparent",
             "--threads 2 --memory 64M",
         ),
     ] {
@@ -139,7 +139,7 @@ fn a_box_throws_its_shadow_where_geometry_says() {
             }
         }
         // What the eye itself lights throws no shadow that it could see.
-        assert!(counts[0] > 5000 && counts[1] > 300 && (counts[2] > 300) == (aside != 0.0), "{counts:?}");
+        assert!(counts[0] > 5000 && counts[1] > 150 && (counts[2] > 100) == (aside != 0.0), "{counts:?}");
     }
 }
 
@@ -158,7 +158,7 @@ fn rays_see_what_the_gpu_draws() {
         "ball.chpm --viewport 160x120 --poe 0 --samples 1 --transparent",
         "iso.chpm --viewport 160x120 --poe 0 --samples 1 --transparent",
         "iso.chpm --viewport 120x160 --poe 0 --samples 4 --transparent --shading flat --view top",
-        "iso.chpm --viewport 160x120 --poe 0 --samples 2 --transparent --clip z:0 --roll 20 --light -40,10",
+        "iso.chpm --viewport 160x120 --poe 0 --samples 2 --transparent --clip z:0.5 --roll 20 --light -40,10",
     ] {
         let traced = still(&folder, &format!("{words} --no-shadows --occlusion 0"));
         folder.stdout(&format!("render {words} -f -o drawn.png"));
