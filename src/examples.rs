@@ -216,6 +216,10 @@ const EXAMPLES: &[(&str, &[Example])] = &[
                 "what is behind a plane, leaning, lit from the left",
             ),
             (
+                "chpm render scan.chpm -o still.png --rays --ground --light 60,30 --viewport 320x240",
+                "without a GPU, with soft shadows, on a ground",
+            ),
+            (
                 "chpm render scan.chpm small.ply --pose 20,0,0 -o both.png --viewport 320x240",
                 "two models, the second one moved along x",
             ),

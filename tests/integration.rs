@@ -100,6 +100,9 @@ mod integration {
     mod stance;
     /// Statistics, found anew in the bytes of the file.
     mod stats;
+    /// Pictures by rays: where light and shadow fall.
+    #[cfg(feature = "viewer")]
+    mod stills;
     /// The command line as people meet it.
     mod terminal;
     mod texture;

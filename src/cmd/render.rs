@@ -1,11 +1,14 @@
 //! `chpm render`: a picture of a file, without a window.
 
+mod rays;
+
 use super::{Verdict, build, temporary};
 use crate::batch::inputs;
 use crate::escape::in_line;
 use crate::json::{self, seen};
 use crate::number::{self, Triangles, Units};
 use crate::output::{self, Output};
+use crate::picture::rays::RayArgs;
 use crate::picture::sheet::{numbered, sheet};
 use crate::picture::{self, DeviceArgs, LookArgs, StanceArgs, StillArgs};
 use crate::progress::{Meter, line};
@@ -18,8 +21,8 @@ use chpm_build::BuildConfig;
 use chpm_extmem::WorkDir;
 use chpm_format::Chpm;
 use chpm_mesh::{Bytes, Counted, Scalar, viridis};
-use chpm_refine::{Camera, Side};
-use chpm_viewer::{Accuracy, FrameRequest, IdImage, Image, Look, Stats, Viewer, headless};
+use chpm_refine::{Camera, Portrait, Side};
+use chpm_viewer::{Accuracy, FrameRequest, IdImage, Image, Look, Stats, headless};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -71,6 +74,8 @@ pub(crate) struct Args {
     color_by: Option<String>,
     #[command(flatten)]
     still: StillArgs,
+    #[command(flatten)]
+    rays: RayArgs,
     /// Main memory for the parts of the file that are in use, as in 256M; of two, half for each, and what one cannot use for the other
     #[arg(long, value_name = "SIZE", default_value = "1G")]
     memory: Bytes,
@@ -98,6 +103,14 @@ const SHEET: [Side; 6] = [Side::Front, Side::Right, Side::Iso, Side::Back, Side:
 
 /// Draws and writes.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
+    if args.rays.rays {
+        return rays::run(args, stop);
+    }
+    let light = match args.still.light[..] {
+        [] => Look::LIGHT,
+        [light] => light.0,
+        _ => bail!("several lights: only --rays draws them; add it, or give --light once"),
+    };
     let cancel = stop.heed();
     args.poses.check(args.second.as_deref())?;
     let pngs = outputs(args)?;
@@ -111,22 +124,20 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let files: Vec<_> = models.iter().map(|model| model.file.as_path()).zip(places).collect();
     let gpu = gpu.map_or_else(|| args.device.gpu(), Ok)?;
     let mut viewer = args.device.open_colored(gpu, &files, args.memory, args.color_by.as_deref())?;
-    let legend = legend(args, &viewer)?;
-    let (cameras, why, note) = cameras(args, &mut viewer)?;
-    let cameras: Vec<Camera> = cameras.iter().map(|camera| camera.rolled(args.still.roll)).collect();
+    let legend = legend(args, viewer.scalar(), viewer.files().flat_map(|file| file.scalars()))?;
+    let Views { cameras, why, note } = views(args, || {
+        // It names the file of two that it is about; a change meanwhile is the reason for whatever came of it.
+        let portrait = viewer.portrait(args.stance.up, args.stance.side);
+        viewer.files().try_for_each(|file| file.get_ref().check_unchanged())?;
+        Ok((portrait?, viewer.origin()))
+    })?;
     let model = viewer.files().map(|file| file.header().source_triangle_count).sum();
     let wanted = args.triangles.map(|wanted| wanted.of(model));
-    let look = Look {
-        transparent: args.still.transparent,
-        studio: args.still.studio,
-        light: args.still.light.unwrap_or(Look::LIGHT),
-        ..args.look.look()
-    };
+    let look =
+        Look { transparent: args.still.transparent, studio: args.still.studio, light, ..args.look.look() };
 
-    let mut drawn = Vec::new();
     let (mut first, mut short) = (None, None);
-    let mut files = pngs.into_iter();
-    let mut written = Vec::new();
+    let mut gallery = Gallery::new(args, pngs, [note.clone(), legend]);
     for (place, camera) in cameras.iter().enumerate() {
         let request = FrameRequest {
             accuracy: wanted.map_or(Accuracy::PoE(args.poe), Accuracy::Triangles),
@@ -138,7 +149,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             ..FrameRequest::new(*camera, args.viewport.0)
         };
         let told = || format!("cannot draw '{}' so", args.file.display());
-        let (mut image, stats) = if args.ids {
+        let (image, stats) = if args.ids {
             let (ids, stats) = headless::ids(&mut viewer, &request).with_context(told)?;
             (item_buffer(&ids, viewer.files()), stats)
         } else {
@@ -151,38 +162,10 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             Some(if of > 1 { format!("view {} of {of}: {why}", place + 1) } else { why })
         });
         first.get_or_insert(stats);
-        // Colours of an item buffer are numbers, and nothing may lie over them.
-        let words = if args.ids {
-            Vec::new()
-        } else {
-            [label(args, place), note.clone(), legend.clone()].into_iter().flatten().collect()
-        };
-        if !words.is_empty() {
-            image.caption(&words.join("; "));
-        }
-        if legend.is_some() {
-            image.color_bar(viridis);
-        }
-        if args.contact_sheet {
-            drawn.push(image);
-        } else if let Some(png) = files.next() {
-            written.push(picture::write_png(&image, png)?);
-        }
+        gallery.add(place, image)?;
     }
     let (stats, shortfall): (Stats, Option<String>) = (first.unwrap_or_default(), short);
-    let mut size = args.viewport.0;
-    if let (true, Some(png)) = (args.contact_sheet, files.next()) {
-        let [red, green, blue] = look.background.map(|c| (255.0 * c).round() as u8);
-        let black = if args.ids { [0, 0, 0, 255] } else { [red, green, blue, 255] };
-        let sheet = sheet(&drawn, if look.transparent { [0; 4] } else { black });
-        size = sheet.size;
-        written.push(picture::write_png(&sheet, png)?);
-    }
-
-    // After the pictures are published, nothing may fail but telling of them.
-    for png in written {
-        png.publish()?;
-    }
+    let size = gallery.publish(look)?;
 
     let adapter = viewer.gpu().describe();
     if args.json {
@@ -198,14 +181,25 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         json::print(&render, &mut out)?;
     } else {
         print(args, &stats, &adapter, &mut out)?;
-        if cameras.len() > 1 {
-            writeln!(out, "{} in all", Counted(cameras.len() as u64, "view"))?;
-        }
-        if let Some(why) = why.filter(|why| !why.is_empty()) {
-            writeln!(out, "{why} (--up and --view choose otherwise)")?;
-        }
+        print_views(cameras.len(), why, &mut out)?;
     }
     out.flush()?;
+    Ok(judge(args, note, shortfall))
+}
+
+/// Says how many pictures there are, and why they are taken from there.
+fn print_views(views: usize, why: Option<String>, out: &mut impl Write) -> Result<()> {
+    if views > 1 {
+        writeln!(out, "{} in all", Counted(views as u64, "view"))?;
+    }
+    if let Some(why) = why.filter(|why| !why.is_empty()) {
+        writeln!(out, "{why} (--up and --view choose otherwise)")?;
+    }
+    Ok(())
+}
+
+/// Warns of what is not as it was asked for.
+fn judge(args: &Args, note: Option<String>, shortfall: Option<String>) -> Verdict {
     if let Some(note) = &note {
         line(&format!(
             "warning: {note}; errors and distances mix both units: project such a model to metres before it is built"
@@ -214,7 +208,63 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     if let Some(shortfall) = &shortfall {
         line(&format!("warning: {shortfall}"));
     }
-    Ok(if shortfall.is_some() && args.strict { Verdict::Faulty } else { Verdict::Good })
+    if shortfall.is_some() && args.strict { Verdict::Faulty } else { Verdict::Good }
+}
+
+/// Pictures on their way to their files.
+struct Gallery<'a> {
+    args: &'a Args,
+    files: std::vec::IntoIter<Output>,
+    /// Those that become one.
+    drawn: Vec<Image>,
+    written: Vec<Output>,
+    note: Option<String>,
+    legend: Option<String>,
+}
+
+impl<'a> Gallery<'a> {
+    fn new(args: &'a Args, files: Vec<Output>, [note, legend]: [Option<String>; 2]) -> Self {
+        Gallery { args, files: files.into_iter(), drawn: Vec::new(), written: Vec::new(), note, legend }
+    }
+
+    /// Takes the next one.
+    fn add(&mut self, place: usize, mut image: Image) -> Result<()> {
+        // Colours of an item buffer are numbers, and nothing may lie over them.
+        let words = if self.args.ids {
+            Vec::new()
+        } else {
+            let words = [label(self.args, place), self.note.clone(), self.legend.clone()];
+            words.into_iter().flatten().collect()
+        };
+        if !words.is_empty() {
+            image.caption(&words.join("; "));
+        }
+        if self.legend.is_some() {
+            image.color_bar(viridis);
+        }
+        if self.args.contact_sheet {
+            self.drawn.push(image);
+        } else if let Some(png) = self.files.next() {
+            self.written.push(picture::write_png(&image, png)?);
+        }
+        Ok(())
+    }
+
+    /// Lets all of them appear; answers the size of the first. After it, nothing may fail but telling of them.
+    fn publish(mut self, look: Look) -> Result<[u32; 2]> {
+        let mut size = self.args.viewport.0;
+        if let (true, Some(png)) = (self.args.contact_sheet, self.files.next()) {
+            let [red, green, blue] = look.background.map(|c| (255.0 * c).round() as u8);
+            let black = if self.args.ids { [0, 0, 0, 255] } else { [red, green, blue, 255] };
+            let sheet = sheet(&self.drawn, if look.transparent { [0; 4] } else { black });
+            size = sheet.size;
+            self.written.push(picture::write_png(&sheet, png)?);
+        }
+        for png in self.written {
+            png.publish()?;
+        }
+        Ok(size)
+    }
 }
 
 /// The models, as they were named.
@@ -242,12 +292,16 @@ impl Ready {
     }
 }
 
-/// Legend of colours that show a scalar.
-fn legend(args: &Args, viewer: &Viewer) -> Result<Option<String>> {
+/// Legend of colours that show a scalar, if it was found among those that are known.
+fn legend<'a>(
+    args: &Args,
+    found: Option<&Scalar>,
+    known: impl Iterator<Item = &'a Scalar>,
+) -> Result<Option<String>> {
     let Some(name) = &args.color_by else { return Ok(None) };
-    let Some(Scalar { name, range, .. }) = viewer.scalar() else {
-        let (file, scalars) = (args.file.display(), viewer.files().flat_map(|file| file.scalars()));
-        let known: Vec<_> = scalars.map(|scalar| in_line(&scalar.name)).collect();
+    let Some(Scalar { name, range, .. }) = found else {
+        let (file, known) = (args.file.display(), known.map(|scalar| in_line(&scalar.name)));
+        let known: Vec<_> = known.collect();
         ensure!(!known.is_empty(), "--color-by: '{file}' has no scalars; build it with --keep {name}");
         bail!("--color-by: '{file}' has no scalar '{name}'; it has {}", known.join(", "))
     };
@@ -270,23 +324,30 @@ fn outputs(args: &Args) -> Result<Vec<Output>> {
 }
 
 /// Where pictures are taken from; and why, where nobody told; and what they have to say of the model's heights.
-fn cameras(args: &Args, viewer: &mut Viewer) -> Result<(Vec<Camera>, Option<String>, Option<String>)> {
+struct Views {
+    cameras: Vec<Camera>,
+    why: Option<String>,
+    note: Option<String>,
+}
+
+/// Cameras in the picture's coordinates. A portrait, and the origin of its own, are asked for where nobody told a camera.
+fn views(args: &Args, portrait: impl FnOnce() -> Result<(Portrait, [f64; 3])>) -> Result<Views> {
+    let rolled = |camera: Camera| camera.rolled(args.still.roll);
     if let Some(camera) = args.camera {
         let up = args.stance.up.map_or(camera.up, |up| up.vector().into());
-        return Ok((vec![Camera { up, ..camera }], None, None));
+        return Ok(Views { cameras: vec![rolled(Camera { up, ..camera })], why: None, note: None });
     }
-    let viewport = args.viewport.0;
-    // It names the file of two that it is about; a change meanwhile is the reason for whatever came of it.
-    let portrait = viewer.portrait(args.stance.up, args.stance.side);
-    viewer.files().try_for_each(|file| file.get_ref().check_unchanged())?;
-    let portrait = portrait?;
-    let (why, note) = (Some(portrait.why()), portrait.note());
+    let [width, height] = args.viewport.0.map(f64::from);
+    let aspect = width / height;
+    let (portrait, origin) = portrait()?;
     let cameras = match (args.turntable, args.contact_sheet) {
-        (Some(count), _) => viewer.turn(&portrait, viewport, count),
-        (None, true) => SHEET.map(|side| viewer.fit(&portrait.from_side(side), viewport)).to_vec(),
-        (None, false) => vec![viewer.fit(&portrait, viewport)],
+        (Some(count), _) => portrait.turn(aspect, count),
+        (None, true) => SHEET.map(|side| portrait.from_side(side).camera(aspect)).to_vec(),
+        (None, false) => vec![portrait.camera(aspect)],
     };
-    Ok((cameras, why, note))
+    let placed = |camera: &Camera| rolled(camera.relative_to(origin.map(|x| -x)));
+    let cameras = cameras.iter().map(placed).collect();
+    Ok(Views { cameras, why: Some(portrait.why()), note: portrait.note() })
 }
 
 /// Caption of a picture on a contact sheet.
@@ -343,12 +404,16 @@ fn shortfall(args: &Args, model: u64, wanted: Option<u64>, stats: &Stats, image:
 /// Why a picture shows nothing, as far as that is known.
 fn empty(name: &str, stats: &Stats) -> String {
     if stats.triangles == 0 {
-        return format!("the picture is empty: nothing of {name} is in view of the camera");
+        return empty_view(name);
     }
     let drawn = Counted(stats.triangles, "triangle");
     format!(
         "the picture is empty: {drawn} of {name} drawn, no pixel covered: too small, seen from the edge, or coloured as the background"
     )
+}
+
+fn empty_view(name: &str) -> String {
+    format!("the picture is empty: nothing of {name} is in view of the camera")
 }
 
 fn print(args: &Args, stats: &Stats, adapter: &str, out: &mut impl Write) -> Result<()> {

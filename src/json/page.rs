@@ -52,6 +52,7 @@ fn documents() -> Vec<(&'static str, Value)> {
         ("chpm-visible/1", schema_for!(near::Visible).to_value()),
         ("chpm-compare/1", schema_for!(near::Compare).to_value()),
         ("chpm-render/1", schema_for!(seen::Render).to_value()),
+        ("chpm-still/1", schema_for!(seen::Still).to_value()),
         ("chpm-walk/1", schema_for!(seen::Walk).to_value()),
         ("chpm-walk-render/1", schema_for!(seen::WalkRender).to_value()),
         ("chpm-walk-prove/1", schema_for!(seen::WalkProve).to_value()),

@@ -109,6 +109,42 @@ pub(crate) struct Render {
     pub(crate) frame: Frame,
 }
 
+/// `chpm render --rays --json`
+#[cfg(feature = "viewer")]
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct Still {
+    /// `chpm-still/1`
+    pub(crate) schema: &'static str,
+    pub(crate) image: Size,
+    /// Pictures that were taken; counts are of all of them
+    pub(crate) views: usize,
+    /// The camera of the first picture
+    pub(crate) camera: Option<Camera>,
+    /// As in `chpm-render/1`
+    pub(crate) stance: Option<String>,
+    /// Pixels of error that were allowed
+    pub(crate) poe: f64,
+    /// Rays from the eye
+    pub(crate) camera_rays: u64,
+    /// Those of them that met the model
+    pub(crate) seen: u64,
+    /// Rays to lights
+    pub(crate) shadow_rays: u64,
+    /// Rays for the light from all around
+    pub(crate) occlusion_rays: u64,
+    /// Triangles of the meshes that rays came to, each counted once
+    pub(crate) triangles: u64,
+    /// Pages that were read for them, as often as they were read
+    pub(crate) pages: u64,
+    /// Their bytes in the file
+    pub(crate) page_bytes: u64,
+    /// Different ones of them
+    pub(crate) pages_different: u64,
+    /// Time of all pictures
+    pub(crate) milliseconds: f64,
+}
+
 /// A size in pixels.
 #[cfg(feature = "viewer")]
 #[derive(Serialize, Debug)]

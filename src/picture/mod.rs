@@ -2,6 +2,7 @@
 
 pub(crate) mod plot;
 pub(crate) mod proof;
+pub(crate) mod rays;
 pub(crate) mod sheet;
 pub(crate) mod sketch;
 pub(crate) mod walk;
@@ -98,7 +99,7 @@ pub(crate) struct LookArgs {
 }
 
 /// Options of pictures without a window.
-#[derive(clap::Args, Clone, Copy, Debug)]
+#[derive(clap::Args, Clone, Debug)]
 #[command(next_help_heading = "Looks")]
 pub(crate) struct StillArgs {
     /// Pictures, each moved by a part of a pixel, whose mean is written: smooth edges; 1 has hard ones
@@ -107,9 +108,10 @@ pub(crate) struct StillArgs {
     /// The light of a studio: from the sky and a lamp, less of it in corners and on the ground below it
     #[arg(long, conflicts_with = "ids")]
     pub(crate) studio: bool,
-    /// Where the key light is, as seen from the model: degrees to the right of the eye, and above it (24,31 if not given)
+    /// Where the key light is, as seen from the model: degrees to the right of the eye, and above it (24,31 if not given). With --rays it may be given several times: all together are as
+    /// bright as one
     #[arg(long, value_name = "RIGHT,UP", value_parser = light, allow_hyphen_values = true, conflicts_with = "ids")]
-    pub(crate) light: Option<[f64; 2]>,
+    pub(crate) light: Vec<Light>,
     /// Leave out what is beyond a plane: z:10 what is above z = 10, -z:10 what is below, NX,NY,NZ:OFFSET what is beyond any; in the model's
     /// coordinates. The cut stays open
     #[arg(long, value_name = "AXIS:PLACE", allow_hyphen_values = true)]
@@ -127,11 +129,19 @@ fn degrees(text: &str) -> Result<f64, String> {
     degrees.ok_or_else(|| format!("'{text}' is no angle: write degrees, as in 15 or -7.5"))
 }
 
-fn light(text: &str) -> Result<[f64; 2], String> {
+/// Where a light is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Light(pub(crate) [f64; 2]);
+
+/// An angle.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Degrees(pub(crate) f64);
+
+fn light(text: &str) -> Result<Light, String> {
     let (right, up) = text.split_once(',').ok_or_else(|| {
         format!("'{text}' is no place of a light: write degrees to the right and upward, as in 60,20")
     })?;
-    Ok([degrees(right)?, degrees(up)?])
+    Ok(Light([degrees(right)?, degrees(up)?]))
 }
 
 impl LookArgs {

@@ -141,6 +141,7 @@ fn every_key_is_documented_and_appears() {
     #[cfg(feature = "viewer")]
     runs.extend([
         ("render", "render in.chpm --viewport 40x30 -o a.png --json", 0),
+        ("still", "render in.chpm --rays --viewport 40x30 -q -o r.png --json", 0),
         ("walk-render", "walk in.chpm in.path --render --viewport 40x30 -q --json", 0),
         ("walk-prove", "walk in.chpm in.path --render --prove --viewport 40x30 -q --json", 0),
     ]);
@@ -162,7 +163,7 @@ fn every_key_is_documented_and_appears() {
         assert!(undocumented.is_empty(), "{schema}: not documented: {undocumented:?}");
         assert!(absent.is_empty(), "{schema}: documented, but nowhere: {absent:?}");
     }
-    let viewers = ["chpm-render/1", "chpm-walk-render/1", "chpm-walk-prove/1"];
+    let viewers = ["chpm-render/1", "chpm-still/1", "chpm-walk-render/1", "chpm-walk-prove/1"];
     let left_out = |schema: &str| {
         (!cfg!(feature = "viewer") && viewers.contains(&schema))
             || (!cfg!(feature = "web") && schema == "chpm-share/1")

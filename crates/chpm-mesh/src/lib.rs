@@ -10,6 +10,7 @@ compile_error!("chpm reads its little-endian records in place and supports littl
 pub mod asked;
 pub mod chart;
 pub mod curve;
+pub mod facing;
 pub mod geom;
 pub mod ids;
 pub mod number;
@@ -23,6 +24,7 @@ pub mod viridis;
 
 pub use asked::{AskedError, Length, LengthError, Triangles};
 pub use chart::Chart;
+pub use facing::Facing;
 pub use geom::{Aabb, FAR, Sphere};
 pub use ids::{ClusterId, GroupId, Level};
 pub use number::{Number, NumberError};

@@ -48,11 +48,7 @@ impl Octahedral {
             return [0.0; 3];
         }
         let [u, v] = self.steps().map(|steps| (f64::from(steps.max(1)) - f64::from(ZERO)) / STEPS);
-        let z = 1.0 - u.abs() - v.abs();
-        let fold = (-z).max(0.0);
-        let (x, y) = (u - fold.copysign(u), v - fold.copysign(v));
-        let length = (x * x + y * y + z * z).sqrt();
-        [x, y, z].map(|t| (t / length) as f32)
+        direction([u, v]).map(|t| t as f32)
     }
 
     /// Both numbers, each below 4096.
@@ -67,6 +63,15 @@ impl Octahedral {
         let [a, b, c, _] = (u & 0xfff | (v & 0xfff) << 12).to_le_bytes();
         Octahedral([a, b, c])
     }
+}
+
+/// The direction, of length 1, of a point of the unfolded octahedron.
+pub fn direction([u, v]: [f64; 2]) -> [f64; 3] {
+    let z = 1.0 - u.abs() - v.abs();
+    let fold = (-z).max(0.0);
+    let (x, y) = (u - fold.copysign(u), v - fold.copysign(v));
+    let length = (x * x + y * y + z * z).sqrt();
+    [x, y, z].map(|t| t / length)
 }
 
 /// The point of the unfolded octahedron in a direction, -1 to 1; none for zero, and for what is not finite.

@@ -22,6 +22,8 @@ pub struct Reads {
     pub bytes: u64,
     /// Pages that were read at least once.
     pub different: u64,
+    /// Triangles of the meshes that were made of them, each counted once.
+    pub triangles: u64,
 }
 
 /// Memory for rays.
@@ -35,7 +37,7 @@ pub struct Memory {
 
 impl Memory {
     /// Bytes of a ray with its answer, where it stands and what it still has to look at.
-    const RAY: u64 = 768;
+    pub(crate) const RAY: u64 = 768;
 
     /// Divides what there is: a quarter for rays.
     pub fn divide(all: Bytes) -> Self {
@@ -45,7 +47,7 @@ impl Memory {
 
     /// Bytes that the index of a file takes, whatever is read.
     pub fn own<D: AsRef<[u8]>>(file: &Chpm<D>) -> u64 {
-        Tree::bytes(file) + (2 * size_of::<Option<Resident>>() + 1) as u64 * file.clusters().len() as u64
+        Tree::bytes(file) + (2 * size_of::<Option<Resident>>() + 2) as u64 * file.clusters().len() as u64
     }
 }
 
@@ -57,6 +59,7 @@ pub struct Caster<'a, D> {
     /// Of the last bound that was common to all rays.
     flat: Option<(Bound, Flat)>,
     meshes: Vec<Option<Resident>>,
+    /// By mesh.
     was_read: Vec<bool>,
     pub(crate) memory: Memory,
     used: u64,
@@ -75,7 +78,7 @@ impl<'a, D: AsRef<[u8]> + Sync> Caster<'a, D> {
             tree: Tree::new(file),
             flat: None,
             meshes: std::iter::repeat_with(|| None).take(2 * clusters).collect(),
-            was_read: vec![false; clusters],
+            was_read: vec![false; 2 * clusters],
             memory,
             used: 0,
             round: 0,
@@ -110,6 +113,15 @@ impl<'a, D: AsRef<[u8]> + Sync> Caster<'a, D> {
         };
         let present = self.tree.present(self.file, bound);
         Ok(present.into_iter().map(distance).fold(0.0, f32::max).into())
+    }
+
+    /// Whether each cluster is there at its finest in the mesh of a bound that is common to all rays.
+    pub(crate) fn finest(&self, bound: &Bound) -> Vec<bool> {
+        let mut finest = vec![false; self.file.clusters().len()];
+        for key in self.tree.present(self.file, bound) {
+            finest[key as usize / 2] |= key % 2 == 1;
+        }
+        finest
     }
 
     /// Answers rays in their order, on the threads of rayon's current pool: what each meets, or for [`Seek::Within`] how far it gets; infinite where it meets nothing. Whatever the threads
@@ -225,12 +237,14 @@ impl<'a, D: AsRef<[u8]> + Sync> Caster<'a, D> {
         for (key, mesh) in chosen.into_iter().zip(made) {
             let cluster = key / 2;
             self.used += self.bytes(key);
-            self.meshes[key as usize] = Some(Resident { mesh, last: AtomicU32::new(self.round) });
             self.reads.pages += 1;
             self.reads.bytes += u64::from(self.file.clusters()[cluster as usize].page_len);
-            let was_read = &mut self.was_read[cluster as usize];
-            self.reads.different += u64::from(!*was_read);
-            *was_read = true;
+            if !self.was_read[key as usize] {
+                self.reads.different += u64::from(!self.was_read[key as usize ^ 1]);
+                self.reads.triangles += mesh.len() as u64;
+                self.was_read[key as usize] = true;
+            }
+            self.meshes[key as usize] = Some(Resident { mesh, last: AtomicU32::new(self.round) });
         }
         Ok(())
     }

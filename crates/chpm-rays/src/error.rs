@@ -1,6 +1,7 @@
 //! Errors of rays.
 
 use chpm_format::FormatError;
+use chpm_refine::RefineError;
 
 /// Why rays have no answer.
 #[derive(Debug, thiserror::Error)]
@@ -12,6 +13,9 @@ pub enum RayError {
     /// Nothing is known of how far coarse meshes are from the source.
     #[error("{0}; or take the leaves (--error 0)")]
     Unproven(#[from] chpm_space::Unproven),
+    /// A camera or an image that none can be.
+    #[error(transparent)]
+    View(#[from] RefineError),
     /// Whoever asked has had enough.
     #[error("stopped on request; nothing was written")]
     Stopped,

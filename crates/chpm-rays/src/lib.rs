@@ -22,6 +22,7 @@ mod fat;
 mod mesh;
 mod ray;
 mod sides;
+pub mod still;
 mod tree;
 mod walk;
 mod wide;

@@ -50,6 +50,11 @@ impl Mesh {
         }
     }
 
+    /// How many triangles it has.
+    pub(crate) fn len(&self) -> usize {
+        self.corners.len()
+    }
+
     /// Bytes of memory that a cluster's mesh takes, or a little more; with what is only needed to make it.
     pub(crate) fn bytes_of(record: &ClusterRecord, is_finest: bool) -> u64 {
         let triangles = if is_finest { record.triangle_count } else { record.base_triangle_count };

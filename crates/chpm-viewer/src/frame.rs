@@ -253,11 +253,6 @@ impl Viewer {
         Ok(portrait)
     }
 
-    /// The camera of a portrait, in the picture's coordinates.
-    pub fn fit(&self, portrait: &Portrait, viewport: [u32; 2]) -> Camera {
-        portrait.camera(aspect(viewport)).relative_to(self.origin().map(|x| -x))
-    }
-
     /// So many cameras around it, each further to the right; in the picture's coordinates.
     pub fn turn(&self, portrait: &Portrait, viewport: [u32; 2], count: u32) -> Vec<Camera> {
         let cameras = portrait.turn(aspect(viewport), count);

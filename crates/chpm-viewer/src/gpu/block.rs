@@ -5,12 +5,11 @@
 //! unit is the number that is added to its corners. The corners are those of one position, in the order of the file; they are written
 //! whenever the position is another one ([`super::Arena::move_to`]), and are all that is written again.
 
-use super::facing::Facing;
 use crate::tint::Tint;
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, Page};
 use chpm_mesh::ClusterId;
-use nalgebra::Vector3;
+use chpm_mesh::facing::{Facing, facings};
 
 /// Words of a vertex.
 pub fn words_of_unit(colors: bool) -> u32 {
@@ -101,7 +100,11 @@ impl Block {
     pub fn tinted(page: &Page<'_>, tint: &Tint, charts: u32) -> Self {
         let (vertices, triangles) = (page.positions.len() as u32, page.triangles.len() as u32);
         let layout = Layout::new(vertices, triangles, tint.is_there(), charts);
-        let own = if page.attributes().has_normals() { Vec::new() } else { facings(page) };
+        let own = if page.attributes().has_normals() {
+            Vec::new()
+        } else {
+            facings(page.positions, page.triangles)
+        };
         let mut words = Vec::with_capacity((layout.vertex_bytes() / 4) as usize);
         for (vertex, [x, y, z]) in page.positions.iter().enumerate() {
             let facing = page.normal(vertex).map_or_else(|| own[vertex], Facing::of_normal);
@@ -127,35 +130,6 @@ impl Block {
     pub fn bytes(&self) -> &[u8] {
         bytemuck::cast_slice(&self.words)
     }
-}
-
-/// The normal of a face, as long as twice its area.
-pub fn area(page: &Page<'_>, corners: &[u16; 3]) -> [f64; 3] {
-    let [a, b, c] = corners.map(|v| Vector3::from(page.positions[usize::from(v)].map(f64::from)));
-    (b - a).cross(&(c - a)).into()
-}
-
-/// Which way each vertex faces, by the faces that its cluster has about it at its finest.
-fn facings(page: &Page<'_>) -> Vec<Facing> {
-    // Faces vertex by vertex: where those of each end, and below that, where they begin.
-    let mut ends = vec![0_usize; page.positions.len()];
-    page.triangles.as_flattened().iter().for_each(|vertex| ends[usize::from(*vertex)] += 1);
-    let mut sum = 0;
-    for end in &mut ends {
-        sum += *end;
-        *end = sum - *end;
-    }
-    let mut areas = vec![[0.0; 3]; sum];
-    for corners in page.triangles {
-        let area = area(page, corners);
-        for vertex in corners {
-            let place = &mut ends[usize::from(*vertex)];
-            areas[*place] = area;
-            *place += 1;
-        }
-    }
-    let begins = std::iter::once(0).chain(ends.iter().copied());
-    begins.zip(&ends).map(|(begin, end)| Facing::of_faces(&areas[begin..*end])).collect()
 }
 
 #[cfg(test)]

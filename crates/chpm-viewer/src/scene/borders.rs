@@ -8,10 +8,10 @@
 
 use super::Scene;
 use crate::fetch::PageData;
-use crate::gpu::block::area;
-use crate::gpu::{Block, Facing};
+use crate::gpu::Block;
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
+use chpm_mesh::facing::{Facing, area};
 use chpm_mesh::{ClusterId, GroupId};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -118,7 +118,7 @@ impl Borders {
             }
             for corners in page.triangles {
                 for id in corners.iter().filter_map(|vertex| ids[usize::from(*vertex)]) {
-                    faces.entry(id).or_default().push(area(&page, corners));
+                    faces.entry(id).or_default().push(area(page.positions, corners));
                 }
             }
         }

@@ -58,7 +58,7 @@ struct Apart {
 
 const PLAIN = vec3<f32>(0.78, 0.76, 0.72);
 
-// No direction; see gpu/facing.rs.
+// No direction; see facing.rs of chpm-mesh.
 const FLAT = 0x80018001u;
 
 fn unfolded(uv: vec2<f32>) -> vec3<f32> {

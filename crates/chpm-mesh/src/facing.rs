@@ -4,7 +4,7 @@
 //! surface it is the normal. On a crease it is the line of the crease: each face keeps its own side of it, and loses only what it leans
 //! along it. So nothing is doubled, and a pixel needs no more than its own face to know on which side it is.
 
-use chpm_mesh::octahedral;
+use crate::octahedral;
 use nalgebra::Vector3;
 
 /// Cosine of the crease angle, 40 degrees: faces that lean more from each other are not smooth with one another, unless others about the same
@@ -83,6 +83,17 @@ impl Facing {
         }
     }
 
+    /// Normal at a vertex that becomes of the plane of one of its faces, which is of length 1.
+    pub fn of_plane(&self, plane: [f64; 3]) -> [f64; 3] {
+        let plane = Vector3::from(plane);
+        let made = match self {
+            Facing::Toward(normal) => Vector3::from(*normal) * Vector3::from(*normal).dot(&plane),
+            Facing::Along(line) => plane - Vector3::from(*line) * Vector3::from(*line).dot(&plane),
+            Facing::Flat => plane,
+        };
+        made.into()
+    }
+
     /// As a vertex has it: a direction as a point of the unfolded octahedron, 16 bits a side, of which the last tells a crease.
     pub fn code(self) -> u32 {
         let (direction, crease) = match self {
@@ -100,10 +111,51 @@ impl Facing {
             code => code,
         }
     }
+
+    /// The one of a code, but for what sixteen bits lose.
+    pub fn of_code(code: u32) -> Self {
+        if code == FLAT {
+            return Facing::Flat;
+        }
+        fn unpack(bits: u32) -> f64 {
+            (f64::from(bits as u16 as i16) / 32767.0).max(-1.0)
+        }
+        let direction = octahedral::direction([unpack(code & 0xffff), unpack(code >> 16)]);
+        if code & 1 == 1 { Facing::Along(direction) } else { Facing::Toward(direction) }
+    }
 }
 
 /// No direction: a corner of the square.
 pub const FLAT: u32 = 0x8001_8001;
+
+/// The normal of a face, as long as twice its area.
+pub fn area(positions: &[[f32; 3]], corners: &[u16; 3]) -> [f64; 3] {
+    let [a, b, c] = corners.map(|v| Vector3::from(positions[usize::from(v)].map(f64::from)));
+    (b - a).cross(&(c - a)).into()
+}
+
+/// Which way each vertex of a mesh faces.
+pub fn facings(positions: &[[f32; 3]], triangles: &[[u16; 3]]) -> Vec<Facing> {
+    // Faces vertex by vertex: where those of each end, and below that, where they begin.
+    let mut ends = vec![0_usize; positions.len()];
+    triangles.as_flattened().iter().for_each(|vertex| ends[usize::from(*vertex)] += 1);
+    let mut sum = 0;
+    for end in &mut ends {
+        sum += *end;
+        *end = sum - *end;
+    }
+    let mut areas = vec![[0.0; 3]; sum];
+    for corners in triangles {
+        let area = area(positions, corners);
+        for vertex in corners {
+            let place = &mut ends[usize::from(*vertex)];
+            areas[*place] = area;
+            *place += 1;
+        }
+    }
+    let begins = std::iter::once(0).chain(ends.iter().copied());
+    begins.zip(&ends).map(|(begin, end)| Facing::of_faces(&areas[begin..*end])).collect()
+}
 
 fn unit(v: Vector3<f64>) -> Option<Vector3<f64>> {
     let longest = v.amax();
@@ -140,13 +192,7 @@ mod tests {
 
     /// Normal at a vertex that a shader makes of a face's normal.
     fn made(facing: Facing, face: [f64; 3]) -> Vector3<f64> {
-        let face = Vector3::from(face).normalize();
-        let made = match facing {
-            Facing::Toward(n) => Vector3::from(n) * Vector3::from(n).dot(&face),
-            Facing::Along(t) => face - Vector3::from(t) * Vector3::from(t).dot(&face),
-            Facing::Flat => face,
-        };
-        made.normalize()
+        Vector3::from(facing.of_plane(Vector3::from(face).normalize().into())).normalize()
     }
 
     fn side(degrees: f64) -> [f64; 3] {
@@ -225,12 +271,9 @@ mod tests {
 
     #[test]
     fn codes_keep_directions() {
-        let decode = |code: u32| {
-            let unpack = |bits: u32| f64::from(bits as u16 as i16) / 32767.0;
-            let (u, v) = (unpack(code & 0xffff), unpack(code >> 16));
-            let z = 1.0 - u.abs() - v.abs();
-            let t = (-z).max(0.0);
-            Vector3::new(u - t.copysign(u), v - t.copysign(v), z).normalize()
+        let decode = |code: u32| match Facing::of_code(code) {
+            Facing::Toward(way) | Facing::Along(way) => Vector3::from(way),
+            Facing::Flat => panic!("a direction"),
         };
         for (x, y, z) in
             [(1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.3, -0.5, -0.2), (-1e-6, -1e-6, -1.0), (-0.1, 0.0, 0.3)]
