@@ -372,7 +372,6 @@ impl<'s, 'a, D: AsRef<[u8]> + Sync> Studio<'s, 'a, D> {
     }
 
     /// For each spot what comes to it of the key lights, and what would if nothing hid them; and how much of the light from everywhere.
-    #[allow(clippy::type_complexity)]
     fn light(
         &self,
         caster: &mut Caster<'_, D>,
