@@ -79,7 +79,7 @@ fn shares(points: &[Vector; 3], at: &Vector) -> [f64; 3] {
     let (uu, uv, vv) = (u.dot(&u), u.dot(&v), v.dot(&v));
     let (wu, wv) = (w.dot(&u), w.dot(&v));
     let area = uu * vv - uv * uv;
-    if !(area > 0.0) {
+    if area.is_nan() || area <= 0.0 {
         return [1.0 / 3.0; 3];
     }
     let second = ((vv * wu - uv * wv) / area).clamp(0.0, 1.0);
