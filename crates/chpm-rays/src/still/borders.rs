@@ -86,7 +86,7 @@ impl Borders {
         self.look_within(file, &own, go_on)
     }
 
-    /// What collapses in groups.
+    /// Vertices that collapse in groups.
     fn look_within<D: AsRef<[u8]> + Sync>(
         &mut self,
         file: &Chpm<D>,
@@ -128,7 +128,7 @@ impl Borders {
         }
     }
 
-    /// What clusters together say of each vertex that nothing is known of.
+    /// Vertices that nothing is known of, and what clusters together say of each.
     fn look<D: AsRef<[u8]>>(
         &self,
         file: &Chpm<D>,

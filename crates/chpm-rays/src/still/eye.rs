@@ -111,7 +111,7 @@ impl Eye {
         line.try_normalize(0.0).unwrap_or(line)
     }
 
-    /// What a ray from a point that is seen may be allowed at most, so that its shadow is right where it falls: no more than the eye allows there. A ray all of which is nearer to the eye meets
+    /// The most that a ray from a point that is seen may be allowed, so that its shadow is right where it falls: no more than the eye allows there. A ray all of which is nearer to the eye meets
     /// nothing that is allowed more, and needs no limit.
     pub(super) fn cap(&self, from: Vector, way: Vector, bounds: &Aabb) -> f64 {
         let Some(slope) = self.slope else { return f64::INFINITY };

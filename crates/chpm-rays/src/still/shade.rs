@@ -1,4 +1,4 @@
-//! What is seen at a point, and how bright it is: kernels.
+//! Kernels: the surface that is seen at a point, and how bright it is.
 
 use super::eye::{Eye, Vector};
 use super::skin::Corner;
@@ -87,7 +87,7 @@ fn shares(points: &[Vector; 3], at: &Vector) -> [f64; 3] {
     [1.0 - second - third, second, third]
 }
 
-/// What becomes of a plane at a vertex.
+/// The change of a plane at a vertex.
 fn bent(eye: &Eye, facing: &Facing, plane: &Vector) -> Vector {
     let facing = match facing {
         Facing::Toward(normal) => Facing::Toward(eye.normal(*normal).into()),
@@ -145,7 +145,7 @@ impl Light {
         }
     }
 
-    /// What comes to a spot that is seen along `way`, but for the key light: `open` of it is not hidden.
+    /// The light of a spot that is seen along `way`, but for the key light: `open` of it is not hidden.
     fn soft(&self, spot: &Spot, way: &Vector, sky: &Vector, open: f64) -> f64 {
         let head = (-spot.normal.dot(way)).max(0.0);
         (self.ambient + self.sky * spot.normal.dot(sky) + self.head * head) * open

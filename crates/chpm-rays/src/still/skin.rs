@@ -1,4 +1,4 @@
-//! What a mesh of a cluster looks like: colours of its vertices, and which way they face.
+//! The looks of a cluster's mesh: colours of its vertices, and which way they face.
 
 use super::Paint;
 use super::borders::Borders;

@@ -45,7 +45,7 @@ pub struct Sheets {
     placed: Vec<Option<Placed>>,
     /// Clusters whose sheets are there.
     kept: Vec<ClusterId>,
-    /// What shaders see where there is no sheet.
+    /// Bound where there is no sheet.
     empty: wgpu::BindGroup,
     used_bytes: u64,
     uploaded_bytes: u64,
