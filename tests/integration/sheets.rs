@@ -1,6 +1,7 @@
 //! Sheets: images of clusters, from the sources' images to a GLB with atlases.
 
 use super::harness::{Folder, was_killed};
+#[cfg(feature = "viewer")]
 use super::render::picture;
 use std::fmt::Write;
 use std::process::Stdio;
@@ -72,9 +73,11 @@ fn check_board(folder: &Folder, glb: &str, place: impl Fn([f64; 2]) -> [f64; 2],
 }
 
 /// Squares of a finer board, each smaller than a triangle.
+#[cfg(feature = "viewer")]
 const FINE: u32 = 64;
 
 /// The share of the fine board's squares that a picture from above shows in their own colour.
+#[cfg(feature = "viewer")]
 fn share_of_squares(folder: &Folder, name: &str, ask: &str) -> f64 {
     let camera = "--camera 0.5,0.5,3,0.5,0.5,0,19 --up y --viewport 1024x1024 --adapter software";
     folder.stdout(&format!("render {name}.chpm -o {name}.png -f -q {camera} {ask}"));
@@ -97,6 +100,7 @@ fn share_of_squares(folder: &Folder, name: &str, ask: &str) -> f64 {
     right / all
 }
 
+#[cfg(feature = "viewer")]
 #[test]
 fn sheets_are_drawn() {
     let folder = textured();
