@@ -230,7 +230,7 @@ impl Viewer {
         Ok(all)
     }
 
-    /// How all of the models is looked at; what is told is not chosen. Relative to [`Viewer::origin`]; see [`Viewer::fit`]. Where a terrain's
+    /// How all of the models is looked at; what is told is not chosen. Relative to [`Viewer::origin`]. Where a terrain's
     /// heights are in another unit than its places, it is shown lower from now on, as [`Portrait::note`] says.
     ///
     /// # Errors
