@@ -199,7 +199,9 @@ mod tests {
         let center = Vector::new(0.3, 0.3, -2.0);
         let normal = |p: [f64; 3]| Facing::Toward((Vector::from(p) - center).normalize().into());
         let round = spot([normal([0.0; 3]), normal([1.0, 0.0, 0.0]), normal([0.0, 1.0, 0.0])]);
-        assert!(round.from.z > 0.01 && round.from.z < 0.1, "{}", round.from);
+        // Tangent planes are as far above a chord again as the ball is: twice the height of a cap over the corners' circle, at most.
+        let most = 0.5 / 2.1;
+        assert!(round.from.z > 0.01 && round.from.z < most, "{}", round.from);
         // Hollows stay.
         let turned =
             |p: [f64; 3]| Facing::Toward((Vector::new(0.3, 0.3, 2.0) - Vector::from(p)).normalize().into());
