@@ -54,7 +54,7 @@ pub(crate) fn look(args: &LookArgs, has_ground: bool) -> Look {
     Look { background, ..look }
 }
 
-/// What colours mean; `color_by` is a scalar of the file, by its name.
+/// The meaning of colours; `color_by` is a scalar of the file, by its name.
 pub(crate) fn paint(colors: Coloring, color_by: Option<&str>, scalars: &[Scalar]) -> Result<Paint> {
     if let Some((words, scalar)) = scalar_places(scalars).find(|(_, scalar)| Some(&*scalar.name) == color_by)
     {
