@@ -15,10 +15,9 @@ use std::time::Duration;
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Settings (they decide the bytes of the output)")]
 pub(crate) struct SettingsArgs {
-    /// Triangles of a leaf cluster to aim for
-    #[arg(long, value_name = "N", hide_short_help = true, default_value_t = Settings::default().cluster_triangles,
-          value_parser = number::count(16_u32..=16384))]
-    cluster_triangles: u32,
+    /// Triangles of a leaf cluster to aim for: 4096 if not given, or so many, down to 256, that a sheet has at most a million texels
+    #[arg(long, value_name = "N", hide_short_help = true, value_parser = number::count(16_u32..=16384))]
+    cluster_triangles: Option<u32>,
     /// Who partitions the mesh
     #[arg(long, value_name = "NAME", hide_short_help = true, default_value = "metis", value_parser = ["metis", "greedy"])]
     partitioner: String,
@@ -59,7 +58,7 @@ pub(crate) struct SettingsArgs {
     /// Leave vertex colours out
     #[arg(long)]
     no_colors: bool,
-    /// Use of the source's images; vertices, where one is there, if not given
+    /// Use of the source's images; sheets, where one is there, if not given, or vertices with a setting that does not go with sheets
     #[arg(long, value_name = "WHAT", value_enum)]
     texture: Option<TextureArg>,
     /// Treatment of images that are not there
@@ -182,7 +181,7 @@ enum TextureArg {
     None,
     /// Their texels are averaged into the colours of vertices
     Vertices,
-    /// That, and each cluster has a sheet, an image of its surface: for view, render, pages and extract --texture-size
+    /// That, and each cluster has a sheet, an image of its surface: for view, render, pages, 3D Tiles and extract --texture-size
     Sheets,
 }
 
@@ -268,7 +267,8 @@ impl SettingsArgs {
         let settings = self;
         let partitioner = settings.partitioner.parse().context("--partitioner")?;
         Ok(Settings {
-            cluster_triangles: settings.cluster_triangles,
+            cluster_triangles: settings.cluster_triangles.unwrap_or(Settings::default().cluster_triangles),
+            fewer_for_texels: settings.cluster_triangles.is_none(),
             partitioner,
             boundary: settings.boundary.mode(),
             topology: settings.topology.topology(),

@@ -245,9 +245,15 @@ impl MeshFile<'_> {
         }
     }
 
-    /// Whether it is a GLB.
-    pub(crate) fn is_glb(&self) -> bool {
-        self.format == MeshFormat::Glb
+    /// Refuses what cannot have images.
+    pub(crate) fn check_textured(&self) -> Result<()> {
+        ensure!(
+            self.format != MeshFormat::Stl && !self.args.ascii,
+            "--texture-size is for GLB, OBJ and binary PLY: choose a name with .glb, .obj or .ply"
+        );
+        let is_alone = self.output.is_stream() && self.format != MeshFormat::Glb;
+        ensure!(!is_alone, "images lie beside the output: name a file, or write a GLB, which has them in it");
+        Ok(())
     }
 
     /// By how much writing moves vertices of this file at most.

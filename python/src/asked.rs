@@ -50,6 +50,7 @@ pub(crate) struct Asked {
     pub(crate) camera: Option<Point>,
     pub(crate) viewport: Option<[u32; 2]>,
     pub(crate) cull: bool,
+    pub(crate) texture_size: Option<u32>,
 }
 
 impl Asked {

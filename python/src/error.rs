@@ -1,6 +1,7 @@
 //! What can go wrong, and which exception of the package it becomes.
 
 use chpm_build::BuildError;
+use chpm_export::ExportError;
 use chpm_extmem::ExtmemError;
 use chpm_format::FormatError;
 use chpm_import::SourceError;
@@ -40,6 +41,8 @@ pub(crate) enum Failure {
     Judged(VerifyError),
     #[error(transparent)]
     Refused(RefineError),
+    #[error(transparent)]
+    Textured(ExportError),
     #[error("{0}")]
     Asked(String),
     #[error("'{}' is closed; open it again", .0.display())]
@@ -60,6 +63,15 @@ impl From<RefineError> for Failure {
 impl From<FormatError> for Failure {
     fn from(error: FormatError) -> Self {
         Failure::Refused(error.into())
+    }
+}
+
+impl From<ExportError> for Failure {
+    fn from(error: ExportError) -> Self {
+        match error {
+            ExportError::Format(error) => error.into(),
+            error => Failure::Textured(error),
+        }
     }
 }
 
@@ -130,7 +142,7 @@ impl From<Failure> for PyErr {
             Failure::System(ExtmemError::Budget { .. }) => PyMemoryError::new_err(told),
             Failure::Source(_) | Failure::Built(_) | Failure::Judged(_) => raised::BuildError::new_err(told),
             Failure::System(_) => raised::FileError::new_err(told),
-            Failure::Open { .. } | Failure::Read { .. } => raised::DamagedError::new_err(told),
+            Failure::Open { .. } | Failure::Read { .. } | Failure::Textured(_) => raised::DamagedError::new_err(told),
             Failure::Lacks { .. } | Failure::Refused(_) | Failure::Asked(_) => {
                 raised::SelectionError::new_err(told)
             }

@@ -301,6 +301,9 @@ impl File {
     ///     Width and height of the image in pixels; 512 by 512 if not given.
     /// cull : bool
     ///     Leave what is outside the image as coarse as it gets.
+    /// texture_size : int
+    ///     Give the mesh the sheets of a file that has them, in images of at most so many texels a side. Vertices are there once for each chart that
+    ///     shows them, and have no colours and no scalars then.
     /// strict : bool
     ///     Raise where the file gives less than was asked for, in place of a ShortfallWarning.
     ///
@@ -317,7 +320,7 @@ impl File {
     ///     If the file is damaged, or was changed meanwhile.
     /// MemoryError
     ///     If the mesh does not fit into memory.
-    #[pyo3(signature = (*, error=None, triangles=None, level=None, pixels=None, camera=None, viewport=None, cull=false, strict=false))]
+    #[pyo3(signature = (*, error=None, triangles=None, level=None, pixels=None, camera=None, viewport=None, cull=false, texture_size=None, strict=false))]
     #[expect(clippy::too_many_arguments, reason = "they are Python's keywords")]
     fn select(
         &self,
@@ -329,10 +332,11 @@ impl File {
         camera: Option<Point>,
         viewport: Option<[u32; 2]>,
         cull: bool,
+        texture_size: Option<u32>,
         strict: bool,
     ) -> PyResult<Selection> {
         let model = self.model()?;
-        let asked = Asked { error, triangles, level, pixels, camera, viewport, cull };
+        let asked = Asked { error, triangles, level, pixels, camera, viewport, cull, texture_size };
         let selected = py.detach(|| selection::select(&model, &asked))?;
         if let Some(told) = &selected.shortfall {
             if strict {

@@ -3,15 +3,17 @@
 use crate::asked::Asked;
 use crate::error::Failure;
 use crate::file::Model;
-use crate::view::{rows, values};
+use crate::view::{row, rows, values};
+use chpm_export::{Atlases, PartImage, TexturedPart};
 use chpm_extmem::{Cancel, MappedFile, Progress};
 use chpm_format::Chpm;
 use chpm_mesh::{Attributes, Bytes, Scalar, TriMesh};
-use chpm_refine::{Extraction, Shortfall};
+use chpm_refine::{Cut, Extraction, Shortfall};
 use chpm_verify::certify::{self, FOUND, Goal, Proven};
 use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBytes, PyDict};
+use std::ops::RangeInclusive;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -34,6 +36,16 @@ pub(crate) struct Selection {
     /// the source's type, float64.
     #[pyo3(get)]
     scalars: Py<PyDict>,
+    /// Places of the vertices in the images: float32 of the shape (n, 2), from the lower left corner, 1 being a whole side; or None. As OBJ, trimesh and
+    /// PyVista have them.
+    #[pyo3(get)]
+    uv: Option<Py<PyArray2<f32>>>,
+    /// Bytes of the images, each a JPEG or, where some of it is not opaque, a PNG: list of bytes.
+    #[pyo3(get)]
+    images: Vec<Py<PyBytes>>,
+    /// Which image each triangle is in: uint32 of the shape (m,), or None.
+    #[pyo3(get)]
+    face_images: Option<Py<PyArray1<u32>>>,
     /// What the vertices are relative to: float64 of the shape (3,); zeros unless single precision would not do.
     #[pyo3(get)]
     origin: Py<PyArray1<f64>>,
@@ -86,6 +98,51 @@ pub(crate) struct Selected {
     distance: Option<f32>,
     clusters: usize,
     pub(crate) shortfall: Option<String>,
+    textured: Option<Textured>,
+}
+
+/// Where a mesh is in images.
+#[derive(Default)]
+struct Textured {
+    uv: Vec<[f32; 2]>,
+    images: Vec<Vec<u8>>,
+    face_images: Vec<u32>,
+}
+
+impl Textured {
+    /// Takes the parts of a mesh, which are one mesh afterwards.
+    fn of(parts: Vec<TexturedPart>) -> (Self, TriMesh) {
+        let (mut textured, mut mesh) = (Textured::default(), TriMesh::default());
+        for (number, part) in parts.into_iter().enumerate() {
+            let first = mesh.positions.len() as u32;
+            textured.uv.extend(part.places.iter().map(|[u, v]| [*u, 1.0 - v]));
+            textured.face_images.extend(part.triangles.iter().map(|_| number as u32));
+            mesh.triangles.extend(part.triangles.iter().map(|corners| corners.map(|v| first + v)));
+            mesh.positions.extend(part.positions);
+            mesh.normals.extend(part.normals);
+            if let PartImage::Inside(bytes) = part.image {
+                textured.images.push(bytes);
+            }
+        }
+        (textured, mesh)
+    }
+}
+
+/// The mesh of a cut with its sheets.
+fn textured(
+    file: &Chpm<MappedFile>,
+    cut: &Cut,
+    side: u32,
+    patience: &mut Patience,
+) -> Result<(Textured, TriMesh), Failure> {
+    if !SIDES.contains(&side) {
+        return Err(Failure::Asked(format!("texture_size: {} to {} expected, got {side}", SIDES.start(), SIDES.end())));
+    }
+    if !file.header().has_sheets() {
+        let told = "the file has no sheets; build it with texture=\"sheets\" from a source with images";
+        return Err(Failure::Asked(told.to_owned()));
+    }
+    Ok(Textured::of(Atlases::new(file, cut, side, true).parts(file, || patience.check())?))
 }
 
 /// Selects, without holding Python up; stops where Ctrl-C was pressed.
@@ -157,9 +214,13 @@ pub(crate) fn simplified(model: &Model, asked: &Asked, further: &Further<'_>) ->
             distance: file.has_gaps().then_some(distance),
             clusters: cut.members().len(),
             shortfall: lack.or_else(|| request.shortfall(file, &cut, distance).map(describe)),
+            textured: None,
         })
     })
 }
+
+/// Sides that images may have, texels.
+const SIDES: RangeInclusive<u32> = 256..=16384;
 
 /// Bytes of what is known of clusters while they are chosen, and then of unpacked pages while a mesh is counted and copied.
 const KEPT: u64 = 256 << 20;
@@ -170,13 +231,23 @@ fn taken(file: &Chpm<MappedFile>, path: &Path, asked: &Asked) -> Result<Selected
     let cut = request.cut(file, 0.0, KEPT, || patience.check())?;
     let extraction = Extraction::keeping(file, &cut, KEPT, || patience.check())?;
     request.check(file, &extraction)?;
-    let mesh = mesh(&extraction, &mut patience)?;
+    let (mut carried, mut scalars) = (extraction.attributes(), file.scalars().to_vec());
+    let (textured, mesh) = match asked.texture_size {
+        None => (None, mesh(&extraction, &mut patience)?),
+        Some(side) => {
+            (carried.colors, carried.scalar_words) = (false, 0);
+            scalars.clear();
+            let (textured, mesh) = textured(file, &cut, side, &mut patience)?;
+            (Some(textured), mesh)
+        }
+    };
     let (error, distance) = (extraction.error(), extraction.distance());
     let describe = |shortfall: Shortfall| shortfall.describe(path.display(), file.header().aabb().diagonal());
     Ok(Selected {
         mesh,
-        carried: extraction.attributes(),
-        scalars: file.scalars().to_vec(),
+        carried,
+        scalars,
+        textured,
         error,
         distance: file.has_gaps().then_some(distance),
         clusters: cut.members().len(),
@@ -227,7 +298,14 @@ impl Patience {
 
 impl Selection {
     pub(crate) fn new(py: Python<'_>, selected: Selected, origin: Py<PyArray1<f64>>) -> PyResult<Self> {
-        let Selected { mesh, carried, scalars, error, distance, clusters, shortfall } = selected;
+        let Selected { mesh, carried, scalars, error, distance, clusters, shortfall, textured } = selected;
+        let (uv, images, face_images) = match textured {
+            Some(Textured { uv, images, face_images }) => {
+                let images = images.iter().map(|bytes| PyBytes::new(py, bytes).unbind()).collect();
+                (Some(rows(py, uv)?), images, Some(row(py, face_images)))
+            }
+            None => (None, Vec::new(), None),
+        };
         let TriMesh { vertices, triangles } = mesh;
         Ok(Selection {
             normals: carried.has_normals().then(|| rows(py, vertices.normals)).transpose()?,
@@ -235,6 +313,9 @@ impl Selection {
             colors: carried.colors.then(|| rows(py, vertices.colors)).transpose()?,
             vertices: rows(py, vertices.positions)?,
             faces: rows(py, triangles)?,
+            uv,
+            images,
+            face_images,
             origin,
             error,
             distance,

@@ -80,7 +80,7 @@ fn settings(given: &Given<'_>) -> Result<Settings, Failure> {
         if !(16..=16_384).contains(&count) {
             return Err(refused("cluster_triangles", format_args!("16 to 16384 expected, got {count}")));
         }
-        settings.cluster_triangles = count;
+        (settings.cluster_triangles, settings.fewer_for_texels) = (count, false);
     }
 
     if let Some(partitioner) = given.parsed("partitioner")? {
@@ -111,7 +111,7 @@ fn settings(given: &Given<'_>) -> Result<Settings, Failure> {
         settings.colors = colors;
     }
     if let Some(texture) =
-        given.word("texture", &[("none", Texture::None), ("vertices", Texture::Vertices)])?
+        given.word("texture", &[("none", Texture::None), ("vertices", Texture::Vertices), ("sheets", Texture::Sheets)])?
     {
         settings.texture = texture;
     }

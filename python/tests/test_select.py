@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import struct
 import warnings
+import zlib
 
 import chpm
 import meshes
@@ -182,3 +184,64 @@ def test_a_bound_is_never_rounded_up(models):
         asked = float(coarser.distance) * (1 - 2**-27)
         assert np.float32(asked) == np.float32(coarser.distance) and asked < coarser.distance
         assert file.select(error=asked).distance <= asked
+
+
+def png(pixels: np.ndarray) -> bytes:
+    """An RGB image of 8 bits."""
+
+    def chunk(name: bytes, body: bytes) -> bytes:
+        return struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+
+    height, width, _ = pixels.shape
+    rows = b"".join(b"\0" + row.tobytes() for row in pixels)
+    head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
+
+
+def test_textures_come_with_places_and_images(tmp_path):
+    # Left half of the square dark, right half light.
+    side = 24
+    u, v = np.meshgrid(np.linspace(0, 1, side + 1), np.linspace(0, 1, side + 1))
+    points = np.stack([u, v, 0.1 * np.sin(5 * u) * np.cos(4 * v)], -1).reshape(-1, 3)
+    pixels = np.zeros((256, 256, 3), "u1")
+    pixels[:, 128:] = 240
+    (tmp_path / "half.png").write_bytes(png(pixels))
+    (tmp_path / "half.mtl").write_text("newmtl half\nmap_Kd half.png\n")
+    with open(tmp_path / "half.obj", "w") as text:
+        text.write("mtllib half.mtl\nusemtl half\n")
+        text.writelines(f"v {x} {y} {z}\nvt {x} {y}\n" for x, y, z in points)
+        for row in range(side):
+            for column in range(side):
+                a = row * (side + 1) + column + 1
+                b = a + side + 1
+                text.write(f"f {a}/{a} {a + 1}/{a + 1} {b + 1}/{b + 1} {b}/{b}\n")
+    with chpm.build(tmp_path / "half.obj", tmp_path / "half.chpm", texture="sheets", cluster_triangles=256) as file:
+        plain = file.select(level=0)
+        assert plain.uv is None and plain.images == [] and plain.face_images is None
+        mesh = file.select(level=0, texture_size=512)
+        few = file.select(triangles=300, texture_size=512)
+        for size in (255, 16385):
+            with pytest.raises(chpm.SelectionError, match="texture_size: 256 to 16384 expected"):
+                file.select(level=0, texture_size=size)
+    assert mesh.triangle_count == plain.triangle_count == 2 * side * side
+    assert 2 < few.triangle_count <= 300 and len(few.uv) == few.vertex_count
+    assert mesh.uv.shape == (mesh.vertex_count, 2) and mesh.uv.dtype == np.float32
+    assert mesh.uv.min() >= 0 and mesh.uv.max() <= 1
+    assert mesh.colors is None and mesh.face_images.max() + 1 == len(mesh.images) >= 1
+    assert all(image[:2] == b"\xff\xd8" for image in mesh.images)
+    # Written as an OBJ and read back, each vertex has the colour of its half.
+    for number, image in enumerate(mesh.images):
+        (tmp_path / f"{number}.jpg").write_bytes(image)
+    with open(tmp_path / "back.obj", "w") as text:
+        text.write("mtllib back.mtl\n")
+        text.writelines(f"v {x} {y} {z}\n" for x, y, z in mesh.absolute())
+        text.writelines(f"vt {u} {v}\n" for u, v in mesh.uv)
+        for (a, b, c), number in zip(mesh.faces + 1, mesh.face_images):
+            text.write(f"usemtl m{number}\nf {a}/{a} {b}/{b} {c}/{c}\n")
+    (tmp_path / "back.mtl").write_text("".join(f"newmtl m{n}\nmap_Kd {n}.jpg\n" for n in range(len(mesh.images))))
+    with chpm.build(tmp_path / "back.obj", tmp_path / "back.chpm", texture="vertices") as file:
+        back = file.select(level=0)
+        with pytest.raises(chpm.SelectionError, match="no sheets"):
+            file.select(level=0, texture_size=512)
+    x, red = back.absolute()[:, 0], back.colors[:, 0]
+    assert (red[x < 0.45] < 60).all() and (red[x > 0.55] > 180).all()

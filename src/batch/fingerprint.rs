@@ -5,6 +5,7 @@ use crate::cmd;
 use anyhow::Result;
 use chpm_build::{Cancel, Settings};
 use chpm_extmem::platform::modified;
+use chpm_format::LATTICE_STEP;
 use chpm_import::{Images, input};
 use std::fmt::Write;
 use std::fs;
@@ -68,7 +69,10 @@ pub(crate) fn need(
 fn is_of(built: &[(String, String)], settings: &Settings) -> bool {
     let reads_images = settings.images() != Images::Ignored;
     let is_textured = |entry: &(String, String)| [&entry.0, &entry.1] == settings.of_images();
-    built.iter().filter(|entry| !(reads_images && is_textured(entry))).eq(&settings.describe())
+    let is_found = |entry: &(String, String)| [LATTICE_STEP, Settings::LEAF_TRIANGLES].contains(&&*entry.0);
+    let asked = built.iter().filter(|entry| !(reads_images && is_textured(entry)) && !is_found(entry));
+    let is_dense = built.iter().any(|(name, _)| name == Settings::LEAF_TRIANGLES);
+    asked.eq(&settings.describe()) && (settings.fewer_for_texels || !is_dense)
 }
 
 /// Generator, settings, length and hash of the source, as a file has them.

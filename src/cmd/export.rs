@@ -14,7 +14,7 @@ use crate::upright::Upright;
 use anyhow::{Result, ensure};
 use chpm_build::Cancel;
 use chpm_export::Turn;
-use chpm_export::tiles::{Mesh, Options, SharedNormals, Tree, tile, tile_path, tilesets};
+use chpm_export::tiles::{Mesh, Options, SharedNormals, Tree, tile, tile_image, tile_path, tilesets};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::{Aabb, Bytes, ClusterId, Counted};
@@ -33,7 +33,7 @@ pub(crate) struct Args {
     /// The .chpm file
     file: PathBuf,
     /// Make a 3D Tiles 1.1 tileset in the folder DIR, for CesiumJS, 3d-tiles-renderer and others. Its geometric errors are the file's bounds. It
-    /// takes about two triangles for each of the source
+    /// takes about two triangles for each of the source; sheets, where the file has them, go in as they are
     #[arg(long = "3dtiles", value_name = "DIR", required = true)]
     tiles: PathBuf,
     /// Compress the tiles: EXT_meshopt_compression
@@ -90,6 +90,8 @@ const NAMES: [&str; 3] = ["tileset.json", "tiles", "subtrees"];
 const EACH: u64 = 20 + 40 + 2 * 2 * 32;
 /// Memory of a thread for one tile, at most: 65,535 vertices and twice as many triangles.
 const WORK: u64 = 12 << 20;
+/// Times that the bytes of a sheet are in memory: by themselves, and in its tile.
+const COPIES: u64 = 2;
 
 /// Exports into a folder.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
@@ -98,7 +100,8 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let file = open(&args.file)?;
     let threads = rayon::current_num_threads() as u64;
     let normals = if computes(&file, args) { SharedNormals::memory(&file) } else { 0 };
-    let own = EACH * u64::from(file.header().cluster_count) + WORK * threads + normals;
+    let sheet = file.sheets().iter().map(|sheet| sheet.len()).max().unwrap_or(0);
+    let own = EACH * u64::from(file.header().cluster_count) + (WORK + COPIES * sheet) * threads + normals;
     memory::divide(&file, args.memory.memory(), own)?;
     reading(&file, || export(&file, args, &cancel))?;
     Ok(Verdict::Good)
@@ -237,6 +240,12 @@ fn fill(
             for (sum, more) in [(&tiles, 1), (&triangles, count), (&bytes, len)] {
                 sum.fetch_add(more, Relaxed);
             }
+        }
+        if let Some((path, image)) = tile_image(file, *id)? {
+            if folder.whole(&path).is_none() {
+                folder.write_to_keep(&path, &image, 0)?;
+            }
+            bytes.fetch_add(image.len() as u64, Relaxed);
         }
         meter.add(1);
         go_on(cancel)

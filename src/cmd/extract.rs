@@ -50,9 +50,10 @@ pub(crate) struct Args {
     threads: ThreadArgs,
     #[command(flatten)]
     mesh: MeshArgs,
-    /// Write the sheets of a file that has them, in images of N texels a side, as many as it takes: into a GLB, and colours of vertices not
+    /// Write the sheets of a file that has them, in images of N texels a side, as many as it takes: into a GLB, or beside an OBJ or a binary PLY.
+    /// Colours of vertices are left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(256..=16384),
-          conflicts_with_all = ["tight", "effort", "up", "local_origin", "meshopt", "order"])]
+          conflicts_with_all = ["tight", "effort", "up", "local_origin", "order"])]
     texture_size: Option<u32>,
     /// Exit with 1 where the file gives less than was asked for; it is a warning if not given
     #[arg(long)]
@@ -101,7 +102,7 @@ fn take(file: &Chpm<MappedFile>, args: &Args, free: u64, stop: &Stop) -> Result<
     let target = args.mesh.create("extract", &[&args.file])?;
     let mut out = output::messages([&target.output], args.json, args.quiet)?;
     if args.texture_size.is_some() {
-        ensure!(target.is_glb(), "--texture-size is for GLB; choose a name with .glb");
+        target.check_textured()?;
         let remedy = "build it with --texture sheets from a source with images";
         ensure!(file.header().has_sheets(), "'{}' has no sheets; {remedy}", args.file.display());
     }
@@ -143,7 +144,7 @@ fn take(file: &Chpm<MappedFile>, args: &Args, free: u64, stop: &Stop) -> Result<
         mesh: ready.json(),
     };
     match args.texture_size {
-        Some(side) => ready.write_textured(file, &cut, side, &meter, &cancel).map(|_| ())?,
+        Some(side) => ready.write_textured(file, &cut, side, &meter, &cancel)?,
         None => ready.write(file, &meter, &cancel)?,
     }
     if args.json {

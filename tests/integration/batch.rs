@@ -101,6 +101,32 @@ fn a_failure_stops_no_other_and_only_what_is_left_is_built_again() {
     assert!(other.contains("5 planned") && other.contains("other settings"), "{other}");
 }
 
+/// What a file tells of its source beside its settings is no other setting.
+#[test]
+fn lattices_and_dense_images_are_not_built_again() {
+    let folder = Folder::new();
+    fs::create_dir(folder.path("in")).expect("a folder");
+    folder.write("in/a.obj", "mtllib a.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\nf 2/1 4/2 3/3\n");
+    folder.write("in/a.mtl", "newmtl a\nmap_Kd a.png\n");
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 64, 64);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.write_header().expect("a header").write_image_data(&[90; 64 * 64]).expect("pixels");
+    folder.write("in/a.png", &bytes);
+    for settings in ["", "--positions lattice:12"] {
+        for fate in ["built", "current"] {
+            folder.stdout(&format!("batch in -o out -q {settings}"));
+            let fates = fates(&summary(&folder, "out/summary.json"));
+            assert_eq!(fates, [("a".to_owned(), fate.to_owned())], "{settings}");
+        }
+    }
+    let told = folder.stdout("info out/a.chpm --settings");
+    assert!(told.contains("leaf-triangles") && told.contains("lattice-step"), "{told}");
+    // Whoever asks for so many triangles gets them.
+    let other = folder.stdout("batch in -o out -q --positions lattice:12 --cluster-triangles 4096 --dry-run");
+    assert!(other.contains("1 planned") && other.contains("other settings"), "{other}");
+}
+
 #[test]
 fn collisions_are_found_before_any_work() {
     let folder = scans();

@@ -3,7 +3,9 @@
 use super::harness::{Folder, was_killed};
 #[cfg(feature = "viewer")]
 use super::render::picture;
+use chpm_mesh::TriMesh;
 use std::fmt::Write;
+use std::fs;
 use std::process::Stdio;
 
 /// Squares of the image's board, each way, and their two colours.
@@ -58,8 +60,13 @@ fn textured() -> Folder {
 
 /// Texels in the middle of squares of the board, held against it.
 fn check_board(folder: &Folder, glb: &str, place: impl Fn([f64; 2]) -> [f64; 2], least: usize) {
+    let seen = seen_board(centers(folder, glb), glb, place);
+    assert!(seen >= least, "{glb}: {seen} triangles");
+}
+
+fn seen_board(centers: Vec<([f64; 2], [u8; 3])>, glb: &str, place: impl Fn([f64; 2]) -> [f64; 2]) -> usize {
     let mut seen = 0;
-    for (middle, color) in centers(folder, glb) {
+    for (middle, color) in centers {
         let [u, v] = place(middle);
         let in_middle = |x: f64| ((x.rem_euclid(1.0) * f64::from(SQUARES)).fract() - 0.5).abs() < 0.12;
         if in_middle(u) && in_middle(v) {
@@ -69,7 +76,7 @@ fn check_board(folder: &Folder, glb: &str, place: impl Fn([f64; 2]) -> [f64; 2],
             assert!(off <= Some(24), "{glb} at {middle:?}: {color:?}, not {expected:?}");
         }
     }
-    assert!(seen >= least, "{glb}: {seen} triangles");
+    seen
 }
 
 /// Squares of a finer board, each smaller than a triangle.
@@ -200,6 +207,51 @@ fn extracted_images_show_what_the_source_did() {
     }
 }
 
+/// An OBJ and a PLY have images beside them and no seams; what is built from them shows the same.
+#[test]
+fn images_lie_beside_obj_and_ply() {
+    let folder = textured();
+    folder.stdout(&format!("build a.obj -o a.chpm {BUILD}"));
+    folder.stdout("extract a.chpm --error 0 -o plain.ply -q");
+    let plain = folder.read_mesh("plain.ply");
+    for (name, beside) in [("b.obj", "b.mtl"), ("c.ply", "c.0.jpg")] {
+        let command = format!("extract a.chpm --error 0 --texture-size 256 -q -o {name}");
+        folder.stdout(&command);
+        assert!(folder.names().contains(&beside.to_owned()), "{:?}", folder.names());
+        folder.stderr(&command, 1);
+        folder.stdout(&format!("{command} -f"));
+        folder.stdout(&format!("build {name} -o back.chpm -f {BUILD}"));
+        folder.stdout("extract back.chpm --error 0 --texture-size 2048 -o back.glb -q -f");
+        check_board(&folder, "back.glb", |place| place, 150);
+        folder.stdout("extract back.chpm --error 0 -o back.ply -q -f");
+        let mesh = folder.read_mesh("back.ply");
+        let counts = |mesh: &TriMesh| (mesh.positions.len(), mesh.triangles.len());
+        assert_eq!(counts(&mesh), counts(&plain));
+    }
+}
+
+/// Each tile shows its cluster's sheet, the two of a leaf one file.
+#[test]
+fn tiles_show_sheets() {
+    let folder = textured();
+    folder.stdout(&format!("build a.obj -o a.chpm {BUILD}"));
+    folder.stdout("export a.chpm --3dtiles tiles -q");
+    let entries = fs::read_dir(folder.path("tiles/tiles/000")).expect("a folder");
+    let name = |entry: std::io::Result<fs::DirEntry>| entry.expect("a file").file_name();
+    let tiles: Vec<String> = entries.map(|entry| name(entry).into_string().expect("a name")).collect();
+    let named = |end: &str| tiles.iter().filter(|name| name.ends_with(end)).count();
+    assert!(named("-finest.glb") > 4 && named("-finest.glb") == named(".jpg"), "{tiles:?}");
+    let mut seen = 0;
+    for name in tiles.iter().filter(|name| name.ends_with(".glb")) {
+        let glb = format!("tiles/tiles/000/{name}");
+        seen += seen_board(centers_of(&folder, "a.chpm", &glb), &glb, |place| place);
+    }
+    assert!(seen > 400, "{seen} triangles");
+    folder.stdout("export a.chpm --3dtiles packed --meshopt -q");
+    let bytes = |name: &str| folder.read(&format!("{name}/tiles/000/0.glb")).len();
+    assert!(bytes("packed") < bytes("tiles"));
+}
+
 #[test]
 fn layouts_take_sheets_along() {
     let folder = textured();
@@ -220,7 +272,7 @@ fn layouts_take_sheets_along() {
 #[test]
 fn what_does_not_go_with_sheets_is_refused_in_words() {
     let folder = textured();
-    for setting in ["--min-component 1%", "--finest-error 1%", "--order cache-oblivious"] {
+    for setting in ["--finest-error 1%", "--order cache-oblivious"] {
         let told = folder.stderr(&format!("build a.obj -o a.chpm {BUILD} {setting}"), 2);
         let name = setting.split(' ').next().expect("a name");
         assert!(told.contains(name) && told.contains("--texture vertices"), "{told}");
@@ -230,8 +282,10 @@ fn what_does_not_go_with_sheets_is_refused_in_words() {
     let told = folder.stderr("extract a.chpm --error 0 --texture-size 512 -o a.glb -q", 2);
     assert!(told.contains("has no sheets") && told.contains("--texture sheets"), "{told}");
     folder.stdout(&format!("build a.obj -o a.chpm -f {BUILD}"));
-    let told = folder.stderr("extract a.chpm --error 0 --texture-size 512 -o a.ply -q", 2);
-    assert!(told.contains("GLB"), "{told}");
+    for output in ["a.stl", "a.ply --ascii", "- --format obj"] {
+        let told = folder.stderr(&format!("extract a.chpm --error 0 --texture-size 512 -q -o {output}"), 2);
+        assert!(told.contains("GLB"), "{told}");
+    }
 }
 
 /// Sources as they come: each is built, verified, drawn, and shows what it should where that is known.
@@ -240,21 +294,38 @@ fn hard_sources_have_sheets() {
     let folder = textured();
     let corner = |u: f64, v: f64| [if u > 0.9 { f64::NAN } else { u }, v];
     let bare = hills(24, "mtllib a.mtl\n", |x, y| [x, y]) + "usemtl a\nf 1/1 2/2 30/30\n";
+    // In front, so that all other vertices have other numbers once it is gone.
+    let mote = "vt 0 0\nvt 0.1 0\nvt 0 0.1\nv 0.5 0.5 2\nv 0.51 0.5 2\nv 0.5 0.51 2\nf 1/1 2/2 3/3\n";
+    let behind = |text: &str| text.replace(HEAD, &format!("{HEAD}{mote}"));
+    let dusty = behind(&hills(24, HEAD, |x, y| [x, y]));
+    let dusty = dusty.lines().map(|line| match line.strip_prefix("f ") {
+        Some(corners) if line != "f 1/1 2/2 3/3" => {
+            let more =
+                |corner: &str| corner.split('/').next().and_then(|v| v.parse::<usize>().ok()).map(|v| v + 3);
+            let corners = corners.split(' ').filter_map(more).map(|v| format!(" {v}/{v}"));
+            format!("f{}\n", corners.collect::<String>())
+        }
+        _ => format!("{line}\n"),
+    });
+    let dusty = dusty.collect::<String>();
     for (name, text) in [
         ("nan", hills(24, HEAD, corner).replace("NaN", "nan")),
         ("flat", hills(24, HEAD, |_, _| [0.3, 0.3])),
         ("repeat", hills(24, HEAD, |x, y| [2.0 * x - 0.5, 2.0 * y - 0.5])),
         ("mirrored", hills(24, HEAD, |x, y| [1.0 - x, y])),
         ("bare", bare),
+        ("dusty", dusty),
     ] {
         folder.write(&format!("{name}.obj"), text);
-        folder.stdout(&format!("build {name}.obj -o {name}.chpm {BUILD}"));
+        let dust = if name == "dusty" { " --min-component 10%" } else { "" };
+        folder.stdout(&format!("build {name}.obj -o {name}.chpm {BUILD}{dust}"));
         folder.stdout(&format!("verify {name}.chpm --against {name}.obj -q"));
         let glb = format!("{name}.glb");
         folder.stdout(&format!("extract {name}.chpm --triangles 500 --texture-size 1024 -o {glb} -q"));
         match name {
             "mirrored" => check_board(&folder, &glb, |[x, y]| [1.0 - x, y], 8),
             "repeat" => check_board(&folder, &glb, |[x, y]| [2.0 * x - 0.5, 2.0 * y - 0.5], 8),
+            "dusty" => check_board(&folder, &glb, |place| place, 8),
             "flat" => check_board(&folder, &glb, |_| [0.3125, 0.3125], 200),
             _ => assert!(centers(&folder, &glb).len() > 200, "{name}"),
         }
@@ -316,7 +387,11 @@ fn sources_of_as_many_charts_as_triangles() {
 
 /// Middles of the triangles of a GLB that was taken from a file, in the model's coordinates, and the texel of each.
 fn centers(folder: &Folder, glb: &str) -> Vec<([f64; 2], [u8; 3])> {
-    let text = folder.stdout(&format!("dump {}", glb.replace(".glb", ".chpm")));
+    centers_of(folder, &glb.replace(".glb", ".chpm"), glb)
+}
+
+fn centers_of(folder: &Folder, chpm: &str, glb: &str) -> Vec<([f64; 2], [u8; 3])> {
+    let text = folder.stdout(&format!("dump {chpm}"));
     let origin = text.split("origin [").nth(1).and_then(|rest| rest.split(']').next()).expect("an origin");
     let origin: Vec<f64> = origin.split(", ").map(|x| x.parse().expect("a number")).collect();
     let bytes = folder.read(glb);
@@ -345,7 +420,10 @@ fn centers(folder: &Folder, glb: &str) -> Vec<([f64; 2], [u8; 3])> {
             .iter()
             .map(|two| u16::from_le_bytes(*two).into())
             .collect();
-        let image = view(&json["images"][number]["bufferView"]);
+        let image = match json["images"][number]["uri"].as_str() {
+            Some(name) => folder.read(&format!("{}/{name}", glb.rsplit_once('/').expect("a folder").0)),
+            None => view(&json["images"][number]["bufferView"]),
+        };
         let mut rows = chpm_image::ImageRows::open(std::io::Cursor::new(image), u64::MAX).expect("an image");
         let ([width, height], mut pixels) = (rows.size(), Vec::new());
         rows.read_rows(height as usize, &mut pixels).expect("pixels");

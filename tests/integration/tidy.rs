@@ -19,7 +19,7 @@ const EDGES: [(&str, &[&str]); 21] = [
     ("chpm-format", &["chpm-mesh"]),
     ("chpm-measure", &["chpm-mesh"]),
     ("chpm-reduce", &["chpm-mesh", "chpm-measure", "chpm-qem"]),
-    ("chpm-export", &["chpm-mesh", "chpm-format"]),
+    ("chpm-export", &["chpm-mesh", "chpm-format", "chpm-refine", "chpm-image", "chpm-texture"]),
     ("chpm-refine", &["chpm-mesh", "chpm-format"]),
     ("chpm-space", &["chpm-mesh", "chpm-format", "chpm-refine"]),
     ("chpm-proximity", &["chpm-mesh", "chpm-format", "chpm-refine", "chpm-space"]),

@@ -32,6 +32,8 @@ pub struct BuildConfig {
 pub struct Settings {
     /// Triangles of a leaf cluster that the decomposition aims for (Quick-VDR 4.1: about 2K vertices, so 4K triangles).
     pub cluster_triangles: u32,
+    /// Whether they are fewer where sheets would have more than a million texels each.
+    pub fewer_for_texels: bool,
     /// Vertices above which a grid cell is subdivided. Smaller cells follow boundaries more closely and cost time.
     pub cell_vertices: u32,
     /// Neighbours of a cell in the cell graph (Quick-VDR 4.1: k = 6).
@@ -86,10 +88,15 @@ pub struct Settings {
     pub shown: Vec<(String, String)>,
 }
 
+/// Texels of a leaf's sheet to stay below, and triangles that it has all the same.
+const SHEET_TEXELS: f64 = (1u32 << 20) as f64;
+const FEWEST_TRIANGLES: f64 = 256.0;
+
 impl Default for Settings {
     fn default() -> Self {
         Settings {
             cluster_triangles: 4096,
+            fewer_for_texels: true,
             cell_vertices: 48,
             cell_neighbors: 6,
             partitioner: Partitioner::Metis,
@@ -144,9 +151,11 @@ impl fmt::Display for Normals {
 /// Use of the source's images.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub enum Texture {
-    /// Those of vertices, where an image is there.
+    /// That of sheets where an image is there, or of vertices where another setting does not go with sheets.
     #[default]
     Found,
+    /// That of vertices where an image is there.
+    FoundForVertices,
     /// Nothing.
     None,
     /// Their texels are averaged into the colours of vertices.
@@ -259,10 +268,12 @@ impl Settings {
     pub const TEXTURE: [&str; 2] = ["texture", "vertices"];
     /// The same, where clusters have sheets, too.
     pub const SHEETS: [&str; 2] = ["texture", "sheets"];
+    /// The name under which a file says how many triangles a leaf was to have, where that was fewer than asked for.
+    pub const LEAF_TRIANGLES: &str = "leaf-triangles";
 
     /// The setting by which a file with colours of images says so.
     pub fn of_images(&self) -> [&'static str; 2] {
-        if self.texture == Texture::Sheets { Self::SHEETS } else { Self::TEXTURE }
+        if self.makes_sheets() { Self::SHEETS } else { Self::TEXTURE }
     }
 
     /// Which images of a source are read.
@@ -271,7 +282,7 @@ impl Settings {
             _ if !self.colors => Images::Ignored,
             (Texture::None, _) => Images::Ignored,
             (_, MissingImages::Refuse) => Images::Required,
-            (Texture::Found, _) => Images::IfAny,
+            (Texture::Found | Texture::FoundForVertices, _) => Images::IfAny,
             (Texture::Vertices | Texture::Sheets, _) => Images::Grey,
         }
     }
@@ -279,12 +290,27 @@ impl Settings {
     /// A setting, as the command has it, that clusters can have no sheets with; none if they can.
     pub(crate) fn without_sheets(&self) -> Option<&'static str> {
         [
-            (self.min_component.is_some(), "--min-component"),
             (self.finest_error.is_some(), "--finest-error"),
             (self.layout == Layout::CacheOblivious, "--order cache-oblivious"),
         ]
         .into_iter()
-        .find_map(|(is_set, name)| (is_set && self.texture == Texture::Sheets).then_some(name))
+        .find_map(|(is_set, name)| is_set.then_some(name))
+    }
+
+    /// Whether clusters have sheets, where there is an image.
+    pub(crate) fn makes_sheets(&self) -> bool {
+        match self.texture {
+            Texture::Sheets => true,
+            Texture::Found => self.without_sheets().is_none(),
+            Texture::FoundForVertices | Texture::None | Texture::Vertices => false,
+        }
+    }
+
+    /// Triangles of a leaf of which so many have so many texels, where these are to be fewer than otherwise.
+    pub(crate) fn triangles_for(&self, texels: f64, triangles: u64) -> Option<u32> {
+        let most = SHEET_TEXELS * triangles as f64 / texels;
+        let fewer = most.clamp(FEWEST_TRIANGLES, f64::from(u32::MAX)) as u32;
+        (self.fewer_for_texels && fewer < self.cluster_triangles).then_some(fewer)
     }
 
     /// Names and values as they are stored in the file and printed by `chpm info`. That colours are those of images depends on the source, and

@@ -38,13 +38,17 @@ pub(crate) struct Facts {
     scalars: Vec<Scalar>,
     /// Images whose texels became colours, if that is where these come from.
     pub(crate) images: Option<u64>,
+    /// Triangles of a leaf, where texels made them fewer than was asked for.
+    leaf_triangles: Option<u32>,
     pub(crate) warnings: Vec<String>,
     pub(crate) provenance: Provenance,
 }
 
 impl Facts {
     pub(crate) fn of(source: &Source) -> Self {
-        let SourceFacts { origin, lattice_step, scalars, images, warnings, provenance, .. } = &source.facts;
+        let SourceFacts {
+            origin, lattice_step, scalars, images, leaf_triangles, warnings, provenance, ..
+        } = &source.facts;
         Facts {
             triangles: source.triangles.len() as u64,
             attributes: source.vertices.attributes(),
@@ -54,9 +58,17 @@ impl Facts {
             shared_vertices: 0,
             scalars: scalars.clone(),
             images: *images,
+            leaf_triangles: *leaf_triangles,
             warnings: warnings.clone(),
             provenance: provenance.clone(),
         }
+    }
+
+    /// The settings, with the triangles of a leaf that there are to be.
+    pub(crate) fn settled(&self, settings: &Settings) -> Settings {
+        let mut settled = settings.clone();
+        settled.cluster_triangles = self.leaf_triangles.unwrap_or(settled.cluster_triangles);
+        settled
     }
 
     pub(crate) fn add_leaves(&mut self, leaves: &Decomposition) {
@@ -190,6 +202,8 @@ fn metadata(known: &Known, asked: &Settings) -> Metadata {
     let Known { facts, repairs } = known;
     let mut settings = asked.describe();
     settings.extend(facts.lattice_step.map(|step| (LATTICE_STEP.to_owned(), step.to_string())));
+    settings
+        .extend(facts.leaf_triangles.map(|count| (Settings::LEAF_TRIANGLES.to_owned(), count.to_string())));
     let texture = asked.of_images();
     settings.extend(facts.images.map(|_| texture.map(str::to_owned).into()));
     Metadata {

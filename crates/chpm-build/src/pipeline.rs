@@ -120,7 +120,8 @@ fn run(
     work.decompose(|source, known| {
         context.progress.counted(known.facts.triangles);
         context.stage(Stage::Decompose, decompose::PASSES * known.facts.triangles, || {
-            decompose::run(source, settings, context, &mut known.repairs)
+            let settings = known.facts.settled(settings);
+            decompose::run(source, &settings, context, &mut known.repairs)
         })
     })?;
 

@@ -1,6 +1,7 @@
 //! Errors of an export.
 
 use chpm_format::FormatError;
+use chpm_image::ImageError;
 use chpm_mesh::{ClusterId, GroupId};
 use std::io;
 
@@ -48,6 +49,17 @@ pub enum ExportError {
         /// Message of the library.
         reason: String,
     },
+    /// A sheet whose image cannot be used.
+    #[error("sheet of {cluster}: {reason}; `chpm verify` tells more")]
+    Sheet {
+        /// The cluster.
+        cluster: ClusterId,
+        /// Name of what is wrong.
+        reason: String,
+    },
+    /// An image that could not be made.
+    #[error("making an image failed: {0}")]
+    Image(#[from] ImageError),
     /// A page that is damaged.
     #[error(transparent)]
     Format(#[from] FormatError),

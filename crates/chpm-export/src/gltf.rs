@@ -7,7 +7,7 @@ use chpm_mesh::{Attributes, Scalar, scalar_names};
 use serde_json::{Map, Value, json};
 
 /// Name of the extension `EXT_meshopt_compression`.
-const MESHOPT: &str = "EXT_meshopt_compression";
+pub(crate) const MESHOPT: &str = "EXT_meshopt_compression";
 
 /// Where a mesh stands: at its positions and what they are relative to, turned so that y is up.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -140,15 +140,21 @@ fn root(facts: &Facts, stride: Stride, parts: &[Part], body: u64) -> Value {
     root["meshes"] = json!([{ "primitives": primitives, "extras": facts.extras }]);
     root["accessors"] = tables.accessors.into();
     root["bufferViews"] = tables.views.into();
-    let mut buffers = vec![json!({ "byteLength": body })];
+    root["buffers"] = json!([{ "byteLength": body }]);
     if parts.iter().any(|part| part.packed.is_some()) {
-        // What a reader would have that unpacks nothing; it is not there.
-        buffers.push(json!({ "byteLength": tables.plain, "extensions": { MESHOPT: { "fallback": true } } }));
-        root["extensionsUsed"] = json!([MESHOPT]);
-        root["extensionsRequired"] = json!([MESHOPT]);
+        unpacked_nowhere(&mut root, tables.plain);
     }
-    root["buffers"] = buffers.into();
     root
+}
+
+/// Lists a second buffer, of what a reader would have that unpacks nothing. It is not there.
+pub(crate) fn unpacked_nowhere(root: &mut Value, bytes: u64) {
+    let buffer = json!({ "byteLength": bytes, "extensions": { MESHOPT: { "fallback": true } } });
+    if let Some(buffers) = root["buffers"].as_array_mut() {
+        buffers.push(buffer);
+    }
+    root["extensionsUsed"] = json!([MESHOPT]);
+    root["extensionsRequired"] = json!([MESHOPT]);
 }
 
 /// The name of an attribute of its own: an underscore and capitals.

@@ -116,17 +116,22 @@ fn compressed(
     let mut plain = Vec::new();
     Interleave::new(attributes, &[]).append(vertices, &mut plain);
     let packed = match Stride::of(attributes, 0).bytes {
-        12 => of_vertices::<[u8; 12]>(&plain),
-        20 => of_vertices::<[u8; 20]>(&plain),
-        24 => of_vertices::<[u8; 24]>(&plain),
-        _ => of_vertices::<[u8; 32]>(&plain),
+        12 => packed_vertices(bytemuck::cast_slice::<u8, [u8; 12]>(&plain)),
+        20 => packed_vertices(bytemuck::cast_slice::<u8, [u8; 20]>(&plain)),
+        24 => packed_vertices(bytemuck::cast_slice::<u8, [u8; 24]>(&plain)),
+        _ => packed_vertices(bytemuck::cast_slice::<u8, [u8; 32]>(&plain)),
     };
-    let indices = meshopt::encode_index_buffer(triangles.as_flattened(), vertices.positions.len());
-    Ok([named(plain.len(), packed)?, named(12 * triangles.len(), indices)?])
+    Ok([packed?, packed_indices(triangles, vertices.positions.len())?])
 }
 
-fn of_vertices<T: Pod>(bytes: &[u8]) -> meshopt::Result<Vec<u8>> {
-    meshopt::encode_vertex_buffer_level(bytemuck::cast_slice::<u8, T>(bytes), 2, Some(CODEC))
+/// Vertices, packed; an item of theirs has a multiple of four bytes.
+pub(crate) fn packed_vertices<T: Pod>(items: &[T]) -> Result<Vec<u8>, ExportError> {
+    named(size_of_val(items), meshopt::encode_vertex_buffer_level(items, 2, Some(CODEC)))
+}
+
+/// Triangles over so many vertices, packed.
+pub(crate) fn packed_indices(triangles: &[[u32; 3]], vertices: usize) -> Result<Vec<u8>, ExportError> {
+    named(size_of_val(triangles), meshopt::encode_index_buffer(triangles.as_flattened(), vertices))
 }
 
 fn named(bytes: usize, packed: meshopt::Result<Vec<u8>>) -> Result<Vec<u8>, ExportError> {

@@ -2,10 +2,18 @@
 
 use crate::error::{ExportError, expect};
 use crate::glb::failed;
-use crate::gltf::{Facts, Part, framed, padded};
+use crate::gltf::{Facts, MESHOPT, Part, framed, padded, unpacked_nowhere};
+use crate::packed_glb::{packed_indices, packed_vertices};
+use bytemuck::Pod;
 use chpm_mesh::Aabb;
 use serde_json::{Value, json};
+use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::io::Write;
+
+/// Targets of views: of vertices, and of indices.
+const ARRAY: u32 = 34962;
+const ELEMENTS: u32 = 34963;
 
 /// A part of a mesh, and its image.
 #[derive(Clone, PartialEq, Debug, Default)]
@@ -18,29 +26,95 @@ pub struct TexturedPart {
     pub places: Vec<[f32; 2]>,
     /// Corners of triangles.
     pub triangles: Vec<[u32; 3]>,
-    /// Bytes of the image, a JPEG, or a PNG.
-    pub image: Vec<u8>,
-    /// Whether it is a PNG, some of which is not opaque.
+    /// Its image.
+    pub image: PartImage,
+    /// Whether the image is a PNG, some of which is not opaque; a JPEG if not.
     pub is_png: bool,
 }
 
-/// Views and accessors while they are listed.
-#[derive(Default)]
-struct Tables {
-    views: Vec<Value>,
-    accessors: Vec<Value>,
-    len: u64,
+/// Where the image of a part is.
+#[derive(Clone, PartialEq, Debug)]
+pub enum PartImage {
+    /// In the GLB: its bytes.
+    Inside(Vec<u8>),
+    /// In a file beside the GLB: its name.
+    Beside(String),
 }
 
-impl Tables {
-    fn view(&mut self, len: u64, target: Option<u32>) -> usize {
-        let mut view = json!({ "buffer": 0, "byteOffset": self.len, "byteLength": len });
+impl Default for PartImage {
+    fn default() -> Self {
+        PartImage::Inside(Vec::new())
+    }
+}
+
+/// Triangles whose vertices are there once for each chart that shows them.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Charted {
+    /// Each vertex of the mesh that it is made from, and the chart.
+    pub vertices: Vec<(u32, u16)>,
+    /// Corners, numbers of these vertices.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl Charted {
+    /// Takes triangles, each with the chart that shows it. Vertices are in the order of their first triangles.
+    pub fn new(triangles: impl IntoIterator<Item = ([u32; 3], u16)>) -> Self {
+        let (mut charted, mut known) = (Charted::default(), BTreeMap::new());
+        for (corners, chart) in triangles {
+            let corners = corners.map(|corner| {
+                *known.entry((corner, chart)).or_insert_with(|| {
+                    charted.vertices.push((corner, chart));
+                    charted.vertices.len() as u32 - 1
+                })
+            });
+            charted.triangles.push(corners);
+        }
+        charted
+    }
+}
+
+/// Views and accessors while they are listed, and what is in the views.
+#[derive(Default)]
+struct Tables<'a> {
+    views: Vec<Value>,
+    accessors: Vec<Value>,
+    blocks: Vec<Cow<'a, [u8]>>,
+    /// Bytes of all blocks, and of all views that are packed.
+    stored: u64,
+    plain: u64,
+    is_packed: bool,
+}
+
+impl<'a> Tables<'a> {
+    /// A view of bytes as they are.
+    fn view(&mut self, bytes: impl Into<Cow<'a, [u8]>>, target: Option<u32>) -> usize {
+        let bytes = bytes.into();
+        let mut view = json!({ "buffer": 0, "byteOffset": self.stored, "byteLength": bytes.len() });
         if let Some(target) = target {
             view["target"] = target.into();
         }
+        self.push(view, bytes)
+    }
+
+    fn push(&mut self, view: Value, bytes: Cow<'a, [u8]>) -> usize {
+        self.stored += padded(bytes.len() as u64);
+        self.blocks.push(bytes);
         self.views.push(view);
-        self.len += padded(len);
         self.views.len() - 1
+    }
+
+    /// A view of `count` items of `step` bytes, which `bytes` unpack to.
+    fn packed(&mut self, bytes: Vec<u8>, [count, step]: [usize; 2], mode: &str) -> usize {
+        let (len, target) = (count * step, if mode == "ATTRIBUTES" { ARRAY } else { ELEMENTS });
+        let mut view = json!({ "buffer": 1, "byteOffset": self.plain, "byteLength": len, "target": target });
+        if mode == "ATTRIBUTES" {
+            view["byteStride"] = step.into();
+        }
+        view["extensions"] = json!({ MESHOPT: {
+            "buffer": 0, "byteOffset": self.stored, "byteLength": bytes.len(), "byteStride": step, "count": count, "mode": mode,
+        } });
+        self.plain += padded(len as u64);
+        self.push(view, bytes.into())
     }
 
     fn accessor(&mut self, accessor: Value) -> usize {
@@ -48,51 +122,74 @@ impl Tables {
         self.accessors.len() - 1
     }
 
-    fn floats(&mut self, kind: &str, parts: u64, count: u64) -> usize {
-        let view = self.view(4 * parts * count, Some(34962));
-        self.accessor(json!({ "bufferView": view, "componentType": 5126, "type": kind, "count": count }))
+    fn vertices<T: Pod>(&mut self, items: &'a [T], kind: &str) -> Result<usize, ExportError> {
+        let view = match self.is_packed {
+            true => self.packed(packed_vertices(items)?, [items.len(), size_of::<T>()], "ATTRIBUTES"),
+            false => self.view(bytemuck::cast_slice::<T, u8>(items), Some(ARRAY)),
+        };
+        let accessor =
+            json!({ "bufferView": view, "componentType": 5126, "type": kind, "count": items.len() });
+        Ok(self.accessor(accessor))
+    }
+
+    fn corners(&mut self, part: &'a TexturedPart) -> Result<usize, ExportError> {
+        let corners = part.triangles.as_flattened();
+        let is_short = index_len(part) == 2;
+        let view = match (self.is_packed, is_short) {
+            (true, _) => {
+                let step = if is_short { 2 } else { 4 };
+                let bytes = packed_indices(&part.triangles, part.positions.len())?;
+                self.packed(bytes, [corners.len(), step], "TRIANGLES")
+            }
+            (false, true) => {
+                let short: Vec<u16> = corners.iter().map(|v| *v as u16).collect();
+                self.view(bytemuck::cast_slice::<u16, u8>(&short).to_vec(), Some(ELEMENTS))
+            }
+            (false, false) => self.view(bytemuck::cast_slice::<u32, u8>(corners), Some(ELEMENTS)),
+        };
+        let component = if is_short { 5123 } else { 5125 };
+        let accessor = json!({ "bufferView": view, "componentType": component, "type": "SCALAR", "count": corners.len() });
+        Ok(self.accessor(accessor))
     }
 }
 
-/// Writes a GLB of parts.
+/// Writes a GLB of parts; `is_packed` with `EXT_meshopt_compression`.
 ///
 /// # Errors
-/// [`ExportError::Count`] for parts of other lengths; [`ExportError::TooLarge`] beyond the 4 GiB that a GLB may have; [`ExportError::Write`].
+/// [`ExportError::Count`] for parts of other lengths; [`ExportError::TooLarge`] beyond the 4 GiB that a GLB may have; [`ExportError::Compression`];
+/// [`ExportError::Write`].
 pub fn write_textured<W: Write>(
     mut writer: W,
     facts: &Facts,
     parts: &[TexturedPart],
+    is_packed: bool,
 ) -> Result<W, ExportError> {
-    for part in parts {
+    let (mut tables, mut primitives) = (Tables { is_packed, ..Tables::default() }, Vec::new());
+    let (mut images, mut materials) = (Vec::new(), Vec::new());
+    let shown = || parts.iter().filter(|part| !part.triangles.is_empty());
+    for (number, part) in shown().enumerate() {
         let count = part.positions.len() as u64;
         expect("places in images", count, part.places.len() as u64)?;
-        if !part.normals.is_empty() {
-            expect("normals", count, part.normals.len() as u64)?;
-        }
-    }
-    let (mut tables, mut primitives) = (Tables::default(), Vec::new());
-    let (mut images, mut materials) = (Vec::new(), Vec::new());
-    for (number, part) in parts.iter().enumerate() {
-        let count = part.positions.len() as u64;
-        let position = tables.floats("VEC3", 3, count);
+        let position = tables.vertices(&part.positions, "VEC3")?;
         let bounds = Aabb::of_points(&part.positions);
         (tables.accessors[position]["min"], tables.accessors[position]["max"]) =
             (json!(bounds.min.map(f64::from)), json!(bounds.max.map(f64::from)));
         let mut attributes = json!({ "POSITION": position });
         if !part.normals.is_empty() {
-            attributes["NORMAL"] = tables.floats("VEC3", 3, count).into();
+            expect("normals", count, part.normals.len() as u64)?;
+            attributes["NORMAL"] = tables.vertices(&part.normals, "VEC3")?.into();
         }
-        attributes["TEXCOORD_0"] = tables.floats("VEC2", 2, count).into();
-        let (step, component) = if index_len(part) == 2 { (2, 5123) } else { (4, 5125) };
-        let corners = 3 * part.triangles.len() as u64;
-        let view = tables.view(step * corners, Some(34963));
-        let indices = tables.accessor(
-            json!({ "bufferView": view, "componentType": component, "type": "SCALAR", "count": corners }),
-        );
+        attributes["TEXCOORD_0"] = tables.vertices(&part.places, "VEC2")?.into();
+        let indices = tables.corners(part)?;
         primitives.push(json!({ "attributes": attributes, "indices": indices, "material": number }));
-        let view = tables.view(part.image.len() as u64, None);
-        let kind = if part.is_png { "image/png" } else { "image/jpeg" };
-        images.push(json!({ "bufferView": view, "mimeType": kind }));
+
+        images.push(match &part.image {
+            PartImage::Inside(bytes) => {
+                let kind = if part.is_png { "image/png" } else { "image/jpeg" };
+                json!({ "bufferView": tables.view(bytes.as_slice(), None), "mimeType": kind })
+            }
+            PartImage::Beside(name) => json!({ "uri": name }),
+        });
         let mut material = json!({
             "doubleSided": true,
             "pbrMetallicRoughness": { "metallicFactor": 0, "baseColorTexture": { "index": number } },
@@ -106,12 +203,13 @@ pub fn write_textured<W: Write>(
     let mut node = facts.placement.node();
     let asset = json!({ "version": "2.0", "generator": facts.generator });
     let mut root = json!({ "asset": asset, "scene": 0, "scenes": [{ "nodes": [0] }] });
-    if parts.is_empty() {
+    if primitives.is_empty() {
         node["extras"] = facts.extras.clone().into();
     } else {
         node["mesh"] = 0.into();
+        let textures: Vec<Value> =
+            (0..primitives.len()).map(|at| json!({ "source": at, "sampler": 0 })).collect();
         root["meshes"] = json!([{ "primitives": primitives, "extras": facts.extras }]);
-        let textures: Vec<Value> = (0..parts.len()).map(|at| json!({ "source": at, "sampler": 0 })).collect();
         root["textures"] = textures.into();
         // Linear, with mip-maps; nothing repeats.
         root["samplers"] = json!([{ "magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071 }]);
@@ -119,12 +217,16 @@ pub fn write_textured<W: Write>(
         root["materials"] = materials.into();
         root["accessors"] = tables.accessors.into();
         root["bufferViews"] = tables.views.into();
-        root["buffers"] = json!([{ "byteLength": tables.len }]);
+        root["buffers"] = json!([{ "byteLength": tables.stored }]);
+        if is_packed {
+            unpacked_nowhere(&mut root, tables.plain);
+        }
     }
     root["nodes"] = json!([node]);
-    writer.write_all(&framed(&root, tables.len)?).map_err(failed)?;
-    for part in parts {
-        body(&mut writer, part)?;
+    writer.write_all(&framed(&root, tables.stored)?).map_err(failed)?;
+    for block in tables.blocks {
+        let zeros = padded(block.len() as u64) as usize - block.len();
+        writer.write_all(&block).and_then(|()| writer.write_all(&[0; 4][..zeros])).map_err(failed)?;
     }
     writer.flush().map_err(failed)?;
     Ok(writer)
@@ -133,25 +235,6 @@ pub fn write_textured<W: Write>(
 fn index_len(part: &TexturedPart) -> u64 {
     let (vertices, triangles) = (part.positions.len() as u64, part.triangles.len() as u64);
     Part { vertices, triangles, low: [0.0; 3], high: [0.0; 3], packed: None }.index_len()
-}
-
-fn body<W: Write>(writer: &mut W, part: &TexturedPart) -> Result<(), ExportError> {
-    let mut put = |bytes: &[u8]| {
-        let zeros = padded(bytes.len() as u64) as usize - bytes.len();
-        writer.write_all(bytes).and_then(|()| writer.write_all(&[0; 4][..zeros])).map_err(failed)
-    };
-    let floats = |numbers: &[f32]| numbers.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>();
-    put(&floats(part.positions.as_flattened()))?;
-    if !part.normals.is_empty() {
-        put(&floats(part.normals.as_flattened()))?;
-    }
-    put(&floats(part.places.as_flattened()))?;
-    let corners = part.triangles.as_flattened().iter();
-    match index_len(part) {
-        2 => put(&corners.flat_map(|v| (*v as u16).to_le_bytes()).collect::<Vec<u8>>())?,
-        _ => put(&corners.flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>())?,
-    }
-    put(&part.image)
 }
 
 #[cfg(test)]
@@ -172,11 +255,11 @@ mod tests {
             normals: vec![[0.0, 0.0, 1.0]; 3],
             places: vec![[0.0, 0.5], [1.0, 0.25], [0.125, x]],
             triangles: vec![[0, 1, 2]],
-            image: image.to_vec(),
+            image: PartImage::Inside(image.to_vec()),
             is_png: x > 0.0,
         };
         let parts = [part(0.0, b"first"), part(7.0, b"second!")];
-        let bytes = write_textured(Vec::new(), &facts, &parts).unwrap();
+        let bytes = write_textured(Vec::new(), &facts, &parts, false).unwrap();
         let len = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
         let json: Value = serde_json::from_slice(&bytes[20..20 + len]).unwrap();
         assert_eq!(u32::from_le_bytes(bytes[8..12].try_into().unwrap()) as usize, bytes.len());
@@ -186,7 +269,7 @@ mod tests {
             bytes[28 + len_of(&bytes) + offset..][..len].to_vec()
         };
         for (number, part) in parts.iter().enumerate() {
-            assert_eq!(view(&json["images"][number]["bufferView"]), part.image);
+            assert_eq!(PartImage::Inside(view(&json["images"][number]["bufferView"])), part.image);
             let primitive = &json["meshes"][0]["primitives"][number];
             let accessor = |value: &Value| &json["accessors"][value.as_u64().unwrap() as usize];
             let places = accessor(&primitive["attributes"]["TEXCOORD_0"]);
@@ -197,7 +280,10 @@ mod tests {
         }
         let mut wrong = part(0.0, b"");
         wrong.places.pop();
-        assert!(matches!(write_textured(Vec::new(), &facts, &[wrong]), Err(ExportError::Count { .. })));
+        assert!(matches!(
+            write_textured(Vec::new(), &facts, &[wrong], false),
+            Err(ExportError::Count { .. })
+        ));
     }
 
     fn len_of(bytes: &[u8]) -> usize {

@@ -34,7 +34,7 @@ def read(path: str | os.PathLike[str], **selection: Any) -> pyvista.PolyData:
     -------
     pyvista.PolyData
         Points in float32, or in float64 where the file has an origin, which is added. ``point_data`` has "Normals" (float32, (n, 3))
-        and "RGBA" (uint8, (n, 4)) where vertices have them, ``field_data`` "error" and "distance", in the model's units.
+        and "RGBA" (uint8, (n, 4)) where vertices have them; with ``texture_size``, places in the images are its texture coordinates. ``field_data`` "error" and "distance", in the model's units.
     """
     mesh = _read(path, **selection)
     points = mesh.absolute() if mesh.origin.any() else mesh.vertices
@@ -44,6 +44,8 @@ def read(path: str | os.PathLike[str], **selection: Any) -> pyvista.PolyData:
         data.point_data.active_normals_name = "Normals"
     if mesh.colors is not None:
         data.point_data["RGBA"] = mesh.colors
+    if mesh.uv is not None:
+        data.active_texture_coordinates = mesh.uv
     for name, value in facts(mesh).items():
         data.field_data[name] = [value]
     return data

@@ -10,7 +10,7 @@ mod small;
 mod texels;
 mod used;
 
-use crate::config::{Normals, Positions, Settings, Texture};
+use crate::config::{Normals, Positions, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
 use crate::report::SmallComponents;
@@ -61,6 +61,8 @@ pub(crate) struct SourceFacts {
     pub(crate) scalars: Vec<Scalar>,
     /// Images whose texels became colours, if that is where these come from.
     pub(crate) images: Option<u64>,
+    /// Triangles of a leaf, where texels make them fewer.
+    pub(crate) leaf_triangles: Option<u32>,
 }
 
 const TRIANGLES: &str = "triangles";
@@ -85,7 +87,7 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
 
     let kept = kept(format.attributes, settings);
     let mut arrays = Arrays::expecting(&input, supply.len(), kept, &context.store)?;
-    arrays.keeps_wedges = settings.texture == Texture::Sheets;
+    arrays.keeps_wedges = settings.makes_sheets();
     let mut marks = Marks::new(&context.store)?;
     arrays.fill(&mut marks, &mut input, context)?;
     let Arrays { vertices, doubles, mut triangles, polygons, corner_normals, texels, .. } = arrays;
@@ -119,7 +121,9 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
     vertices.normals = vertices.normals.or(corner_normals);
     let (mut images, mut wedges) = (None, None);
     if let (Some(mut texels), Some(textures)) = (texels, &read.textures) {
-        wedges = texels.kept(textures, supply, context)?.map(|kept| (kept, textures.materials.clone()));
+        wedges = texels
+            .kept(textures, supply, context)?
+            .map(|(triangles, tiles)| (triangles, tiles, textures.materials.clone()));
         let own = vertices.colors.as_ref();
         vertices.colors = Some(texels.finish(textures, own, count, supply, context)?);
         images = Some(textures.images.len() as u64);
@@ -128,9 +132,11 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
     let mut columns = Columns { vertices, doubles, triangles, used, bounds };
     let mut small = None;
     if let Some(size) = settings.min_component {
-        let counts;
-        (columns, counts) = small::leave_out(columns, size, &supply.path, context)?;
-        small = Some(counts);
+        let (textured, rest) =
+            wedges.map(|(triangles, tiles, materials)| (triangles, (tiles, materials))).unzip();
+        let ((left, textured), counts) = small::leave_out(columns, textured, size, &supply.path, context)?;
+        (columns, small) = (left, Some(counts));
+        wedges = textured.zip(rest).map(|(triangles, (tiles, materials))| (triangles, tiles, materials));
     }
 
     ranges(&mut scalars, &columns, context)?;
@@ -145,15 +151,27 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
             (Positions::Lattice(bits), false) => lattice::round(&vertices.positions, bits, &used, context)?,
         };
     vertices.positions = positions;
-    let painted = wedges.map(|((triangles, tiles), materials)| {
+    let painted = wedges.map(|(triangles, tiles, materials)| {
         Painted::new(&triangles, &vertices.positions, materials, tiles, context)
     });
     let painted = painted.transpose()?;
+    let leaf_triangles =
+        painted.as_ref().and_then(|painted| settings.triangles_for(painted.texels, painted.count()));
     let provenance = provenance(&read);
     let SourceInfo { tally, mut warnings, .. } = read;
     warnings.extend(warning);
     warnings.extend(of_normals);
-    let facts = SourceFacts { origin, lattice_step, tally, small, warnings, provenance, scalars, images };
+    let facts = SourceFacts {
+        origin,
+        lattice_step,
+        tally,
+        small,
+        warnings,
+        provenance,
+        scalars,
+        images,
+        leaf_triangles,
+    };
     Ok(Source { vertices, triangles, bounds, rounding, facts, painted })
 }
 

@@ -49,6 +49,19 @@ pub(crate) struct Painted {
     wedges: Spool,
     pub(crate) materials: Vec<Material>,
     pub(crate) tiles: Tiles,
+    /// Texels that the triangles have together, however often an image repeats.
+    pub(crate) texels: f64,
+}
+
+/// Texels of a triangle of an image; none where coordinates are no numbers.
+fn texels_of(triangle: &TexturedTriangle, materials: &[Material], tiles: &Tiles) -> f64 {
+    let Some(image) = materials.get(triangle.material as usize).and_then(|material| material.image) else {
+        return 0.0;
+    };
+    let [a, b, c] = triangle.uv.map(|uv| uv.map(f64::from));
+    let area = ((b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])).abs() / 2.0;
+    let [width, height] = tiles.size(image).map(f64::from);
+    if area.is_finite() { area * width * height } else { 0.0 }
 }
 
 impl Painted {
@@ -62,12 +75,13 @@ impl Painted {
     ) -> Result<Self, BuildError> {
         let wedges = Spool::named(&context.store, "textured triangles", "textured-triangles");
         let mut at = places_of(positions);
-        let (mut scratch, mut some) = (Vec::new(), Vec::new());
+        let (mut scratch, mut some, mut texels) = (Vec::new(), Vec::new(), 0.0);
         for start in (0..triangles.len()).step_by(AT_ONCE) {
             context.check()?;
             let range = start..triangles.len().min(start + AT_ONCE);
             some.clear();
             for (number, triangle) in (start as u32..).zip(triangles.read(range, &mut scratch)?) {
+                texels += texels_of(triangle, &materials, &tiles);
                 let TexturedTriangle { vertices: [a, b, c], uv, material } = *triangle;
                 let (place, first) = place_of([at(a)?, at(b)?, at(c)?]);
                 let uv = std::array::from_fn(|corner| uv[(corner + first) % 3].map(f32::to_bits));
@@ -75,7 +89,12 @@ impl Painted {
             }
             wedges.append(bytemuck::cast_slice(&some))?;
         }
-        Ok(Painted { wedges, materials, tiles })
+        Ok(Painted { wedges, materials, tiles, texels })
+    }
+
+    /// Textured triangles.
+    pub(crate) fn count(&self) -> u64 {
+        self.wedges.len() / size_of::<Wedge>() as u64
     }
 
     /// Hands all wedges to `take`.

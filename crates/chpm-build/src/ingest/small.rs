@@ -16,6 +16,7 @@ use crate::vertex_columns::{ColumnMap, POSITIONS};
 use bytemuck::{Pod, Zeroable};
 use chpm_extmem::{Buckets, BufferWriter, Column};
 use chpm_mesh::Aabb;
+use chpm_texture::TexturedTriangle;
 use std::path::Path;
 
 /// Vertices whose boxes are in memory at once.
@@ -27,13 +28,17 @@ const RECENT: usize = 1 << 10;
 /// The number of a vertex that is left out.
 const GONE: u32 = u32::MAX;
 
+/// What is left: arrays, and the textured ones of the triangles where these are kept.
+type Left = (Columns, Option<Column<TexturedTriangle>>);
+
 /// Leaves out the components that are smaller than `size`, and counts them.
 pub(super) fn leave_out(
     columns: Columns,
+    textured: Option<Column<TexturedTriangle>>,
     size: Length,
     path: &Path,
     context: &Context<'_>,
-) -> Result<(Columns, SmallComponents), BuildError> {
+) -> Result<(Left, SmallComponents), BuildError> {
     let Columns { vertices, doubles, triangles, used, .. } = &columns;
     let singles = &vertices.positions;
     let before = triangles.len();
@@ -42,7 +47,7 @@ pub(super) fn leave_out(
         false => Mesh { path, positions: singles, triangles, used }.sort_out(size, context)?,
     };
     if components == 0 {
-        return Ok((columns, SmallComponents::default()));
+        return Ok(((columns, textured), SmallComponents::default()));
     }
 
     // Triangles first, by their old corners; then everything gets its new number.
@@ -52,8 +57,9 @@ pub(super) fn leave_out(
         out.extend(some.iter().filter(|triangle| stays(triangle)));
         Ok(())
     })?;
-    drop(kept);
     join::run(&mut triangles, &numbers, context)?;
+    let textured = textured.map(|textured| renumbered(textured, &kept, &numbers, context)).transpose()?;
+    drop(kept);
     let kept = Kept { numbers: &numbers, context };
     let vertices = vertices.map(&kept)?;
     let doubles = kept.map(doubles, POSITIONS)?;
@@ -66,7 +72,41 @@ pub(super) fn leave_out(
     let count = vertices.positions.len() + doubles.len();
     each(&triangles, context, |_, triangles| used.add(triangles, count))?;
     let counts = SmallComponents { components, triangles: (before - triangles.len()) as u64 };
-    Ok((Columns { vertices, doubles, triangles, used, bounds }, counts))
+    Ok(((Columns { vertices, doubles, triangles, used, bounds }, textured), counts))
+}
+
+/// The textured triangles that stay, with the new numbers of their vertices.
+fn renumbered(
+    textured: Column<TexturedTriangle>,
+    kept: &Used,
+    numbers: &Column<u32>,
+    context: &Context<'_>,
+) -> Result<Column<TexturedTriangle>, BuildError> {
+    const NAME: &str = "textured triangles";
+    let stays = |triangle: &&TexturedTriangle| kept.contains(triangle.vertices[0] as usize);
+    let textured = filtered(textured, NAME, context, |_, some, out| {
+        out.extend(some.iter().filter(stays));
+        Ok(())
+    })?;
+    let mut corners = BufferWriter::new(&context.store, TRIANGLES, textured.len())?;
+    let mut block = Vec::new();
+    each(&textured, context, |_, some| {
+        block.clear();
+        block.extend(some.iter().map(|triangle| triangle.vertices));
+        Ok(corners.extend_from_slice(&block)?)
+    })?;
+    let mut corners = corners.finish_column()?;
+    join::run(&mut corners, numbers, context)?;
+    let mut scratch = Vec::new();
+    filtered(textured, NAME, context, |first, some, out| {
+        let corners = corners.read(first..first + some.len(), &mut scratch)?;
+        out.extend(
+            some.iter()
+                .zip(corners)
+                .map(|(triangle, vertices)| TexturedTriangle { vertices: *vertices, ..*triangle }),
+        );
+        Ok(())
+    })
 }
 
 /// Vertices that stay: those that have a number.
@@ -334,8 +374,19 @@ mod tests {
             };
             let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
             let context = Context::new(store, pool, &Silent, Cancel::default());
-            let run = || leave_out(columns, Length::Units(5.0), Path::new("strips"), &context);
-            let (kept, counts) = context.pool.install(run).unwrap();
+            // Every other one, told apart by its material.
+            let textured: Vec<TexturedTriangle> = (0..)
+                .zip(&triangles)
+                .step_by(2)
+                .map(|(material, vertices)| TexturedTriangle {
+                    vertices: *vertices,
+                    uv: [[0.5; 2]; 3],
+                    material,
+                })
+                .collect();
+            let some = Some(column(&context.store, &textured));
+            let run = || leave_out(columns, some, Length::Units(5.0), Path::new("strips"), &context);
+            let ((kept, left), counts) = context.pool.install(run).unwrap();
             let strips = u64::from(STRIPS);
 
             assert_eq!(
@@ -360,6 +411,11 @@ mod tests {
             let items = kept.triangles.read(0..kept.triangles.len(), &mut items).unwrap();
             let told = items.iter().map(|t| t.map(|v| names[v as usize]));
             assert!(told.eq(triangles.iter().copied().filter(|t| stays[t[0] as usize])));
+            let (left, mut items) = (left.unwrap(), Vec::new());
+            let left = left.read(0..left.len(), &mut items).unwrap();
+            let told = left.iter().map(|t| (t.vertices.map(|v| names[v as usize]), t.material));
+            let expected = textured.iter().filter(|t| stays[t.vertices[0] as usize]);
+            assert!(told.eq(expected.map(|t| (t.vertices, t.material))));
         }
     }
 }

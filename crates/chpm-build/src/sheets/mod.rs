@@ -7,7 +7,7 @@ mod cluster;
 mod found;
 mod raw;
 
-use crate::config::Settings;
+use crate::config::{Settings, Texture};
 use crate::context::Context;
 use crate::error::BuildError;
 use crate::ingest::Painted;
@@ -105,7 +105,7 @@ fn stored(plan: &Plan, texels: &[[u8; 4]]) -> Result<(SheetRecord, Vec<u8>), Bui
 
 /// Refuses settings that sheets do not go with yet.
 pub(crate) fn check(settings: &Settings) -> Result<(), BuildError> {
-    match settings.without_sheets() {
+    match settings.without_sheets().filter(|_| settings.texture == Texture::Sheets) {
         Some(setting) => Err(BuildError::NoSheets { setting }),
         None => Ok(()),
     }

@@ -77,9 +77,11 @@ pub fn plan(
     progress: &dyn BuildProgress,
     cancel: &Cancel,
 ) -> Result<StepReport, BuildError> {
-    if settings.texture == Texture::Sheets {
-        return Err(BuildError::NoSheets { setting: "chpm stage" });
-    }
+    let settings = &match settings.texture {
+        Texture::Sheets => return Err(BuildError::NoSheets { setting: "chpm stage" }),
+        Texture::Found => Settings { texture: Texture::FoundForVertices, ..settings.clone() },
+        _ => settings.clone(),
+    };
     let failed = |error| ExtmemError::io("make the folder", folder, 0, error);
     std::fs::create_dir_all(folder).map_err(failed)?;
     let clock = Timer::start();

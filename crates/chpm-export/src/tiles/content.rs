@@ -1,12 +1,13 @@
 //! The mesh of a tile.
 
-use super::{Options, SharedNormals};
+use super::{Options, SharedNormals, tile_path};
 use crate::error::ExportError;
 use crate::glb::GlbWriter;
 use crate::gltf::Facts;
 use crate::packed_glb;
-use chpm_format::{Chpm, ErrorKind, Page};
-use chpm_mesh::{Aabb, Attributes, ClusterId, Places, TriMesh};
+use crate::textured::{Charted, PartImage, TexturedPart, write_textured};
+use chpm_format::{Chpm, ErrorKind, ImageCodec, Page, Sheet};
+use chpm_mesh::{Aabb, Attributes, ClusterId, Places, TriMesh, pm};
 use serde_json::{Map, Value};
 
 /// One end of a cluster's progressive mesh.
@@ -36,6 +37,20 @@ impl Mesh {
     }
 }
 
+/// The file beside the tiles of a cluster that has two: the image that both show, its name behind the tiles' folder and its bytes. None where the file
+/// has no sheets, or the one tile has the image in it.
+///
+/// # Errors
+/// [`ExportError::Format`] for a damaged sheet.
+pub fn tile_image<D: AsRef<[u8]>>(
+    file: &Chpm<D>,
+    cluster: ClusterId,
+) -> Result<Option<(String, Vec<u8>)>, ExportError> {
+    let is_shared = Mesh::of(file, cluster).len() > 1;
+    let Some(sheet) = file.sheet(cluster)?.filter(|_| is_shared) else { return Ok(None) };
+    Ok(Some((image_path(cluster, &sheet), sheet.image.to_vec())))
+}
+
 /// A tile as a GLB; positions are relative to the file's origin. With `normals`, the file has none. Answers its triangles, too.
 ///
 /// # Errors
@@ -50,7 +65,9 @@ pub fn tile<D: AsRef<[u8]>>(
     let page = file.page(cluster)?;
     let page = page.view();
     let n = mesh.position(&page);
-    let (mut mesh, used) = compact(&page, n);
+    let mut places = Places::default();
+    places.go_to(&page.progressive_mesh(), n);
+    let (mut mesh, used) = compact(&page, &places);
     if let Some(normals) = normals {
         normals.give(&page, &used, &mut mesh);
     }
@@ -62,6 +79,18 @@ pub fn tile<D: AsRef<[u8]>>(
         extras: facts(file, cluster, error),
         scalars: Vec::new(),
     };
+    if let Some(sheet) = file.sheet(cluster)? {
+        let charts = page.triangles.iter().zip(&sheet.layout.chart_of);
+        let shown = charts.filter(|(corners, _)| pm::is_alive(&corners.map(|v| places.of(v))));
+        let image = match Mesh::of(file, cluster) {
+            [_] => PartImage::Inside(sheet.image.to_vec()),
+            // In the same folder.
+            _ => PartImage::Beside(last(&image_path(cluster, &sheet)).to_owned()),
+        };
+        let part = textured(&mesh, shown.map(|(_, chart)| *chart), &sheet, image);
+        let glb = write_textured(Vec::new(), &facts, &[part], options.packed)?;
+        return Ok((glb, mesh.triangles.len() as u64));
+    }
     let stored = file.header().attributes().decoded();
     let attributes = Attributes { normals: stored.normals || normals.is_some(), ..stored };
     let glb = content(&facts, attributes, &mesh, options.packed)?;
@@ -87,6 +116,41 @@ pub(super) fn content(
     glb.finish()
 }
 
+/// A mesh over its sheet, given the chart of each of its triangles. Colours of vertices are left out: the image has them.
+fn textured(
+    mesh: &TriMesh,
+    charts: impl Iterator<Item = u16>,
+    sheet: &Sheet<'_>,
+    image: PartImage,
+) -> TexturedPart {
+    let Charted { vertices, triangles } = Charted::new(mesh.triangles.iter().copied().zip(charts));
+    let (layout, size) = (&sheet.layout, sheet.record.size.map(f64::from));
+    let place = |(vertex, chart): &(u32, u16)| {
+        let position = mesh.positions[*vertex as usize];
+        let texel = layout.charts[usize::from(*chart)].place(layout.origin, position);
+        [0, 1].map(|axis| (texel[axis] / size[axis]) as f32)
+    };
+    let normals = vertices.iter().filter_map(|(vertex, _)| mesh.normals.get(*vertex as usize).copied());
+    TexturedPart {
+        positions: vertices.iter().map(|(vertex, _)| mesh.positions[*vertex as usize]).collect(),
+        normals: normals.collect(),
+        places: vertices.iter().map(place).collect(),
+        triangles,
+        image,
+        is_png: sheet.record.codec() == Some(ImageCodec::Png),
+    }
+}
+
+/// Where the image of a cluster's two tiles lies.
+fn image_path(cluster: ClusterId, sheet: &Sheet<'_>) -> String {
+    let kind = if sheet.record.codec() == Some(ImageCodec::Png) { "png" } else { "jpg" };
+    tile_path(cluster, Mesh::Base).replace("glb", kind)
+}
+
+fn last(path: &str) -> &str {
+    path.rsplit('/').next().unwrap_or(path)
+}
+
 /// The bounds that a cluster's mesh keeps.
 fn facts<D: AsRef<[u8]>>(file: &Chpm<D>, cluster: ClusterId, error: f32) -> Map<String, Value> {
     let mut facts = Map::new();
@@ -100,12 +164,10 @@ fn facts<D: AsRef<[u8]>>(file: &Chpm<D>, cluster: ClusterId, error: f32) -> Map<
     facts
 }
 
-/// The mesh of `n` vertices, without those that no triangle uses; and the page's index of each of them.
-fn compact(page: &Page<'_>, n: usize) -> (TriMesh, Vec<usize>) {
+/// The mesh at a position, without vertices that no triangle uses; and the page's index of each of them.
+fn compact(page: &Page<'_>, places: &Places) -> (TriMesh, Vec<usize>) {
     const UNUSED: u32 = u32::MAX;
-    let mut places = Places::default();
-    places.go_to(&page.progressive_mesh(), n);
-    let mut numbers = vec![UNUSED; n];
+    let mut numbers = vec![UNUSED; page.vertex_count()];
     let local: Vec<[u16; 3]> = places.triangles(page.triangles).collect();
     local.as_flattened().iter().for_each(|v| numbers[usize::from(*v)] = 0);
     let mut mesh = TriMesh::default();

@@ -4,7 +4,7 @@
 //! `max_error`, the same for all coarse members (the box holds all that is below; spheres about spheres would grow level by level), and I6 keeps a group from being refined before its parents. Errors are raised by a last bit where they would not fall strictly: 3d-tiles-renderer
 //! never stops at a tile whose error is no less than its parent's. Content is the *base* mesh, since borders are at base where a neighbour is
 //! coarser; finest meshes crack. The box of the cluster itself is in `content.boundingVolume`. Under each leaf there is a tile with its finest mesh and `geometricError` 0: no border between
-//! two groups of leaves collapses in either. The tree is not in the file: a fine cluster is a part of the coarse cluster of its group with most of its base triangles (I4), asked only where a
+//! two groups of leaves collapses in either. Where the file has sheets, a tile shows its cluster's, bytes as they are; two tiles of a leaf show one file. The tree is not in the file: a fine cluster is a part of the coarse cluster of its group with most of its base triangles (I4), asked only where a
 //! group has several. For settled views any member would do as a parent; while tiles load, a parent covers what its children do. A tileset of its own begins wherever the level divided by
 //! eight changes. Tested: a viewer of 30 lines in `tests/integration/tiles.rs`, and 3d-tiles-renderer in Chromium by hand (`tests/tiles/check.mjs`).
 
@@ -15,7 +15,7 @@ mod tests;
 mod tileset;
 mod tree;
 
-pub use content::{Mesh, tile};
+pub use content::{Mesh, tile, tile_image};
 pub use normals::SharedNormals;
 pub use tileset::{Tileset, tilesets};
 pub use tree::Tree;
