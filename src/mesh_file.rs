@@ -364,6 +364,14 @@ impl<'m, 'a> Ready<'m, 'a> {
     }
 }
 
+/// Warning of an output that has colours of vertices where it could have images.
+pub(crate) fn without_images(file: &Chpm<MappedFile>, args: &MeshArgs) -> Option<String> {
+    (file.header().has_sheets() && !args.no_colors).then(|| {
+        "images have become colours of vertices: --texture-size 4096 writes them, to GLB, OBJ or PLY"
+            .to_owned()
+    })
+}
+
 /// Warning of an output that has no room for named scalars, where there are some.
 pub(crate) fn without(scalars: &[Scalar]) -> Option<String> {
     let names: Vec<_> = scalars.iter().map(|scalar| in_line(&scalar.name)).collect();

@@ -6,6 +6,7 @@ use crate::file::{File, Model};
 use crate::job::{self, Board};
 use crate::selection::{self, Further, Selection};
 use crate::settings::build_config;
+use chpm_build::config::Texture;
 use chpm_build::{BuildConfig, BuildError};
 use chpm_extmem::{Cancel, WorkDir, same_file};
 use chpm_import::SourceError;
@@ -86,7 +87,11 @@ pub(crate) fn simplify(
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Selection> {
     let effort = effort.map(|asked| level(asked, within.is_some())).transpose()?;
-    let config = build_config(settings)?;
+    let mut config = build_config(settings)?;
+    // Nobody sees the sheets.
+    if config.settings.texture == Texture::Found {
+        config.settings.texture = Texture::FoundForVertices;
+    }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(config.resources.threads).build();
     let pool = pool.map_err(|error| Failure::Asked(format!("cannot start threads: {error}")))?;
     let asked = Asked { error: within, triangles, ..Asked::default() };

@@ -134,7 +134,8 @@ fn take(file: &Chpm<MappedFile>, args: &Args, free: u64, stop: &Stop) -> Result<
     let (bounds, upright) = (ready.bounds, ready.upright.clone());
     let shortfall = request.shortfall(file, &cut, bounds.distance);
     let less = shortfall.map(|less| less.describe(args.file.display(), file.header().aabb().diagonal()));
-    let warnings: Vec<String> = ready.warnings.iter().cloned().chain(less).collect();
+    let blurred = args.texture_size.is_none().then(|| mesh_file::without_images(file, &args.mesh)).flatten();
+    let warnings: Vec<String> = ready.warnings.iter().cloned().chain(less).chain(blurred).collect();
     let extract = made::Extract {
         schema: "chpm-extract/1",
         file: named(&args.file),

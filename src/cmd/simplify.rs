@@ -15,7 +15,7 @@ use crate::threads::ThreadArgs;
 use crate::tight;
 use crate::tolerance::{Tolerance, Unit};
 use anyhow::{Result, ensure};
-use chpm_build::config::Normals;
+use chpm_build::config::{Normals, Texture};
 use chpm_build::{BuildConfig, MIN_MEMORY, Resources, Settings};
 use chpm_extmem::WorkDir;
 use chpm_mesh::{Bytes, Counted};
@@ -44,6 +44,11 @@ pub(crate) struct Args {
     tight: bool,
     #[command(flatten)]
     mesh: MeshArgs,
+    /// Keep the images of the source, in new ones of N texels a side, as many as it takes: into a GLB, or beside an OBJ or a binary PLY. --effort is 1 at
+    /// most then
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(256..=16384),
+          conflicts_with_all = ["up", "local_origin", "order"])]
+    texture_size: Option<u32>,
     /// What was written as JSON on stdout
     #[arg(long)]
     json: bool,
@@ -72,6 +77,9 @@ struct Wanted {
     triangles: Option<Triangles>,
 }
 
+/// The most effort after which triangles have places in images.
+const WITH_IMAGES: u8 = 1;
+
 /// Builds, extracts, and leaves only the result.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let cancel = stop.heed();
@@ -80,6 +88,14 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     // Whatever is refused is refused before the work.
     let target = args.mesh.create("simplify", &[source])?;
     let mut out = output::messages([&target.output], args.json, args.quiet)?;
+    if args.texture_size.is_some() {
+        target.check_textured()?;
+        let effort = args.effort.unwrap_or(0);
+        ensure!(
+            effort <= WITH_IMAGES,
+            "--texture-size goes with --effort {WITH_IMAGES} at most: what goes on from there has no place in images"
+        );
+    }
 
     // All of the work is in one folder, so that all of it goes.
     let beside = args.mesh.output.parent().filter(|_| !target.output.is_stream());
@@ -92,6 +108,12 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         chpm_build::build(source, &model, &config, &meter, &cancel).map_err(|error| of(source, error))?;
 
     let file = open(&model)?;
+    let has_images = args.texture_size.is_none() || file.header().has_sheets();
+    ensure!(
+        has_images,
+        "'{}' names no images that could be kept: leave out --texture-size",
+        source.display()
+    );
     let free = memory::divide(&file, config.resources.memory, args.mesh.memory("simplify", &file)?)?;
     reading(&file, || {
         let diagonal = file.header().aabb().diagonal();
@@ -102,6 +124,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         };
         let rounding = target.rounding(&file);
         let effort = further::level(args.effort.or(args.tight.then_some(1)), report.triangles);
+        let effort = if args.texture_size.is_some() { effort.min(WITH_IMAGES) } else { effort };
         let threads = (effort > 0).then_some(&args.threads);
         let (cut, proven) = tight::cut(&file, &request, (rounding, free), threads, &meter, &cancel)?;
         let further =
@@ -115,8 +138,10 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             Some(Further { mesh: coarser, distance }) => (mesh.replaced(coarser, distance), Some(distance)),
             None => (mesh, proven),
         };
-        // What its order takes is known only now.
-        let bytes = args.mesh.memory("simplify", &file)? + args.mesh.order_memory(&mesh);
+        // What its order, or its images, take is known only now.
+        let images =
+            args.texture_size.map_or(0, |side| mesh_file::textured_memory(side, mesh.triangle_count()));
+        let bytes = args.mesh.memory("simplify", &file)? + args.mesh.order_memory(&mesh) + images;
         memory::divide(&file, config.resources.memory, bytes)?;
         let ready = Ready::new(target, &file, &mesh, proven, &cancel)?;
         let (bounds, upright) = (ready.bounds, ready.upright.clone());
@@ -141,7 +166,10 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             warnings: report.warnings.iter().chain(&warnings).cloned().collect(),
             mesh: ready.json(),
         };
-        ready.write(&file, &meter, &cancel)?;
+        match args.texture_size {
+            Some(side) => ready.write_textured(&file, &cut, side, &meter, &cancel)?,
+            None => ready.write(&file, &meter, &cancel)?,
+        }
         if args.json {
             json::print(&simplify, &mut out)?;
             return Ok(out.flush()?);
@@ -179,10 +207,11 @@ fn config(args: &Args) -> Result<BuildConfig> {
         MemorySize(least)
     );
     let normals = if args.mesh.no_normals { Normals::None } else { Normals::Source };
-    let (colors, drop_invalid) = (!args.mesh.no_colors, args.drop_invalid);
+    let (colors, drop_invalid) = (!args.mesh.no_colors || args.texture_size.is_some(), args.drop_invalid);
+    let texture = if args.texture_size.is_some() { Texture::Sheets } else { Texture::FoundForVertices };
     let threads = args.threads.count();
     Ok(BuildConfig {
-        settings: Settings { normals, colors, drop_invalid, ..Settings::default() },
+        settings: Settings { normals, colors, drop_invalid, texture, ..Settings::default() },
         resources: Resources { threads, memory, checkpoint: None, ..Resources::default() },
         overwrite: true,
     })

@@ -149,7 +149,11 @@ fn sheets_leave_the_geometry_alone() {
         assert!(told.contains("has the geometry of"), "{told}");
         folder.stderr(&format!("verify sheets.chpm --same-as {other}.chpm -q"), 1);
     }
-    // Whoever does not draw sheets has the colours of vertices.
+    // Whoever does not draw sheets has the colours of vertices, and is told.
+    let told = folder.stderr("extract sheets.chpm --error 0 -o told.glb -q", 0);
+    assert!(told.contains("--texture-size"), "{told}");
+    let told = folder.stderr("extract sheets.chpm --error 0 -o plain.glb -q --no-colors", 0);
+    assert!(!told.contains("--texture-size"), "{told}");
     for ask in ["--error 0", "--triangles 700"] {
         let taken = ["sheets", "vertices"].map(|name| {
             folder.stdout(&format!("extract {name}.chpm {ask} -o {name}.ply -q -f"));
@@ -218,7 +222,7 @@ fn images_lie_beside_obj_and_ply() {
         let command = format!("extract a.chpm --error 0 --texture-size 256 -q -o {name}");
         folder.stdout(&command);
         assert!(folder.names().contains(&beside.to_owned()), "{:?}", folder.names());
-        folder.stderr(&command, 1);
+        folder.stderr(&command, 2);
         folder.stdout(&format!("{command} -f"));
         folder.stdout(&format!("build {name} -o back.chpm -f {BUILD}"));
         folder.stdout("extract back.chpm --error 0 --texture-size 2048 -o back.glb -q -f");
@@ -228,6 +232,23 @@ fn images_lie_beside_obj_and_ply() {
         let counts = |mesh: &TriMesh| (mesh.positions.len(), mesh.triangles.len());
         assert_eq!(counts(&mesh), counts(&plain));
     }
+}
+
+#[test]
+fn a_smaller_mesh_keeps_its_images() {
+    let folder = textured();
+    for asked in ["--triangles 1500", "--within 0.2%", "--within 0.2% --effort 1"] {
+        folder.stdout(&format!("simplify a.obj {asked} --texture-size 1024 -o small.obj -q -f"));
+        folder.stdout(&format!("build small.obj -o small.chpm -f {BUILD}"));
+        folder.stdout("extract small.chpm --error 0 --texture-size 2048 -o small.glb -q -f");
+        check_board(&folder, "small.glb", |place| place, 30);
+    }
+    let told = folder.stderr("simplify a.obj --within 1% --effort 2 --texture-size 1024 -o b.glb -q", 2);
+    assert!(told.contains("--effort 1"), "{told}");
+    folder.write("bare.obj", hills(12, "", |x, y| [x, y]));
+    let told = folder.stderr("simplify bare.obj --triangles 50 --texture-size 1024 -o b.glb -q", 2);
+    assert!(told.contains("no images"), "{told}");
+    assert!(!folder.names().contains(&"b.glb".to_owned()));
 }
 
 /// Each tile shows its cluster's sheet, the two of a leaf one file.
@@ -248,7 +269,8 @@ fn tiles_show_sheets() {
     }
     assert!(seen > 400, "{seen} triangles");
     folder.stdout("export a.chpm --3dtiles packed --meshopt -q");
-    let bytes = |name: &str| folder.read(&format!("{name}/tiles/000/0.glb")).len();
+    let finest = tiles.iter().find(|name| name.ends_with("-finest.glb")).expect("a leaf");
+    let bytes = |name: &str| folder.read(&format!("{name}/tiles/000/{finest}")).len();
     assert!(bytes("packed") < bytes("tiles"));
 }
 
@@ -273,12 +295,16 @@ fn layouts_take_sheets_along() {
 fn what_does_not_go_with_sheets_is_refused_in_words() {
     let folder = textured();
     for setting in ["--finest-error 1%", "--order cache-oblivious"] {
+        // Nobody has asked for sheets then.
+        let build = BUILD.replace("--texture sheets", "");
+        folder.stdout(&format!("build a.obj -o unasked.chpm {build} -f {setting}"));
+        assert!(folder.stdout("info unasked.chpm --json").contains(r#""texture": "vertices""#));
         let told = folder.stderr(&format!("build a.obj -o a.chpm {BUILD} {setting}"), 2);
         let name = setting.split(' ').next().expect("a name");
         assert!(told.contains(name) && told.contains("--texture vertices"), "{told}");
         assert!(!folder.names().contains(&"a.chpm".to_owned()));
     }
-    folder.stdout("build a.obj -o a.chpm -q");
+    folder.stdout("build a.obj -o a.chpm -q --texture vertices");
     let told = folder.stderr("extract a.chpm --error 0 --texture-size 512 -o a.glb -q", 2);
     assert!(told.contains("has no sheets") && told.contains("--texture sheets"), "{told}");
     folder.stdout(&format!("build a.obj -o a.chpm -f {BUILD}"));

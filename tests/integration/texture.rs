@@ -80,7 +80,7 @@ fn images_become_colours_and_leave_the_geometry_alone() {
     let told = folder.stdout(&format!("build a.obj -o a.chpm {BUILD}"));
     assert!(told.contains("averages of the texels of 1 image"), "{told}");
     check_quarters(&finest(&folder, "a.chpm"), |[x, y, _]| [x, y]);
-    assert!(folder.stdout("info a.chpm --json").contains(r#""texture": "vertices""#));
+    assert!(folder.stdout("info a.chpm --json").contains(r#""texture": "sheets""#));
 
     folder.stdout(&format!("build a.obj -o none.chpm --texture none {BUILD}"));
     for ask in ["--error 0", "--triangles 2000", "--triangles 300"] {

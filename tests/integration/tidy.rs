@@ -189,6 +189,7 @@ fn the_python_package_has_the_same_crates() {
     let folder = root().join("python");
     let allowed = [
         "chpm-build",
+        "chpm-export",
         "chpm-extmem",
         "chpm-format",
         "chpm-import",

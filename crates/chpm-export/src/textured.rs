@@ -278,6 +278,29 @@ mod tests {
             assert_eq!(found, part.places.as_flattened());
             assert_eq!(view(&accessor(&primitive["indices"])["bufferView"]), [0, 0, 1, 0, 2, 0]);
         }
+
+        // Packed, views unpack to the same.
+        let bytes = write_textured(Vec::new(), &facts, &parts, true).unwrap();
+        let len = len_of(&bytes);
+        let json: Value = serde_json::from_slice(&bytes[20..20 + len]).unwrap();
+        assert_eq!(json["buffers"][1]["extensions"][MESHOPT]["fallback"], true);
+        for (number, part) in parts.iter().enumerate() {
+            let primitive = &json["meshes"][0]["primitives"][number];
+            let stored = |value: &Value| {
+                let at = |value: &Value| value.as_u64().unwrap() as usize;
+                let told = &json["bufferViews"][at(&json["accessors"][at(value)]["bufferView"])]["extensions"]
+                    [MESHOPT];
+                bytes[28 + len + at(&told["byteOffset"])..][..at(&told["byteLength"])].to_vec()
+            };
+            let places = stored(&primitive["attributes"]["TEXCOORD_0"]);
+            assert_eq!(meshopt::decode_vertex_buffer::<[f32; 2]>(&places, 3).unwrap(), part.places);
+            let indices = stored(&primitive["indices"]);
+            let found = meshopt::decode_index_buffer::<u32>(&indices, 3).unwrap();
+            // The codec may begin a triangle with another corner.
+            let turned = |first: usize| [0, 1, 2].map(|at| found[(first + at) % 3]);
+            assert!((0..3).any(|first| turned(first) == part.triangles[0]), "{found:?}");
+        }
+
         let mut wrong = part(0.0, b"");
         wrong.places.pop();
         assert!(matches!(

@@ -28,7 +28,7 @@ const RECENT: usize = 1 << 10;
 /// The number of a vertex that is left out.
 const GONE: u32 = u32::MAX;
 
-/// What is left: arrays, and the textured ones of the triangles where these are kept.
+/// Arrays of what is left, and the textured ones of its triangles where these are kept.
 type Left = (Columns, Option<Column<TexturedTriangle>>);
 
 /// Leaves out the components that are smaller than `size`, and counts them.
