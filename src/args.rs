@@ -58,7 +58,9 @@ pub(crate) struct SettingsArgs {
     /// Leave vertex colours out
     #[arg(long)]
     no_colors: bool,
-    /// Use of the source's images; sheets, where one is there, if not given, or vertices with a setting that does not go with sheets
+    /// Use of the source's images; sheets, where one is there, if not given
+    ///
+    /// With --finest-error or --order cache-oblivious, which do not go with sheets: vertices.
     #[arg(long, value_name = "WHAT", value_enum)]
     texture: Option<TextureArg>,
     /// Treatment of images that are not there
