@@ -53,7 +53,7 @@ pub(crate) fn print(
         let largest = file.sheets().iter().flat_map(|sheet| sheet.size).max().unwrap_or(0);
         writeln!(
             out,
-            "sheets     {} in images of up to {largest}, {}; view, render, pages and extract --texture-size have them, all else colours of vertices",
+            "sheets     {} in images of up to {largest}, {}; view, render, pages, 3D Tiles and extract --texture-size have them, all else colours of vertices",
             Short(file.sheets().iter().map(texels).sum()).of("texel"),
             Bytes(sizes.sheets),
         )?;

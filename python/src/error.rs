@@ -142,7 +142,9 @@ impl From<Failure> for PyErr {
             Failure::System(ExtmemError::Budget { .. }) => PyMemoryError::new_err(told),
             Failure::Source(_) | Failure::Built(_) | Failure::Judged(_) => raised::BuildError::new_err(told),
             Failure::System(_) => raised::FileError::new_err(told),
-            Failure::Open { .. } | Failure::Read { .. } | Failure::Textured(_) => raised::DamagedError::new_err(told),
+            Failure::Open { .. } | Failure::Read { .. } | Failure::Textured(_) => {
+                raised::DamagedError::new_err(told)
+            }
             Failure::Lacks { .. } | Failure::Refused(_) | Failure::Asked(_) => {
                 raised::SelectionError::new_err(told)
             }

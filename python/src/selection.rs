@@ -136,7 +136,11 @@ fn textured(
     patience: &mut Patience,
 ) -> Result<(Textured, TriMesh), Failure> {
     if !SIDES.contains(&side) {
-        return Err(Failure::Asked(format!("texture_size: {} to {} expected, got {side}", SIDES.start(), SIDES.end())));
+        return Err(Failure::Asked(format!(
+            "texture_size: {} to {} expected, got {side}",
+            SIDES.start(),
+            SIDES.end()
+        )));
     }
     if !file.header().has_sheets() {
         let told = "the file has no sheets; build it with texture=\"sheets\" from a source with images";

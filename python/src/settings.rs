@@ -110,9 +110,10 @@ fn settings(given: &Given<'_>) -> Result<Settings, Failure> {
     if let Some(colors) = given.take("colors", |value| value.extract::<bool>())? {
         settings.colors = colors;
     }
-    if let Some(texture) =
-        given.word("texture", &[("none", Texture::None), ("vertices", Texture::Vertices), ("sheets", Texture::Sheets)])?
-    {
+    if let Some(texture) = given.word(
+        "texture",
+        &[("none", Texture::None), ("vertices", Texture::Vertices), ("sheets", Texture::Sheets)],
+    )? {
         settings.texture = texture;
     }
     let missing = [("grey", MissingImages::Grey), ("refuse", MissingImages::Refuse)];

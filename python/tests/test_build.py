@@ -68,7 +68,7 @@ def test_images_become_colours(tmp_path):
     (tmp_path / "a.png").write_bytes(png((10, 200, 30)))
     obj = tmp_path / "a.obj"
     obj.write_text("mtllib a.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n")
-    for texture, expected in [(None, [10, 200, 30, 255]), ("vertices", [10, 200, 30, 255]), ("none", None)]:
+    for texture, expected in [(None, [10, 200, 30, 255]), ("vertices", [10, 200, 30, 255]), ("sheets", [10, 200, 30, 255]), ("none", None)]:
         with chpm.build(obj, tmp_path / "a.chpm", force=True, texture=texture) as file:
             colors = file.select(level=0).colors
             assert (colors is None) if expected is None else (colors == expected).all()
@@ -76,8 +76,8 @@ def test_images_become_colours(tmp_path):
     (tmp_path / "a.png").unlink()
     with pytest.raises(chpm.BuildError, match="a.png"):
         chpm.build(obj, tmp_path / "b.chpm", missing_images="refuse")
-    with pytest.raises(ValueError, match="texture: one of 'none', 'vertices' expected"):
-        chpm.build(obj, tmp_path / "b.chpm", texture="sheets")
+    with pytest.raises(ValueError, match="texture: one of 'none', 'vertices', 'sheets' expected"):
+        chpm.build(obj, tmp_path / "b.chpm", texture="images")
 
 
 @pytest.mark.parametrize("pages", ["raw", "packed"])
