@@ -70,7 +70,7 @@ fn is_of(built: &[(String, String)], settings: &Settings) -> bool {
     let reads_images = settings.images() != Images::Ignored;
     let is_textured = |entry: &(String, String)| [&entry.0, &entry.1] == settings.of_images();
     let is_found = |entry: &(String, String)| [LATTICE_STEP, Settings::LEAF_TRIANGLES].contains(&&*entry.0);
-    let asked = built.iter().filter(|entry| !(reads_images && is_textured(entry)) && !is_found(entry));
+    let asked = built.iter().filter(|entry| !(is_found(entry) || reads_images && is_textured(entry)));
     let is_dense = built.iter().any(|(name, _)| name == Settings::LEAF_TRIANGLES);
     asked.eq(&settings.describe()) && (settings.fewer_for_texels || !is_dense)
 }
