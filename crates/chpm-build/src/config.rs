@@ -151,10 +151,10 @@ impl fmt::Display for Normals {
 /// Use of the source's images.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub enum Texture {
-    /// That of sheets where an image is there, or of vertices where another setting does not go with sheets.
+    /// As [`Texture::Sheets`] where an image is there, or as [`Texture::Vertices`] with a setting that does not go with sheets.
     #[default]
     Found,
-    /// That of vertices where an image is there.
+    /// As [`Texture::Vertices`] where an image is there.
     FoundForVertices,
     /// Nothing.
     None,
@@ -306,11 +306,11 @@ impl Settings {
         }
     }
 
-    /// Triangles of a leaf of which so many have so many texels, where these are to be fewer than otherwise.
+    /// Triangles of a leaf, if texels make them fewer than is set; `texels` is what so many textured triangles have together.
     pub(crate) fn triangles_for(&self, texels: f64, triangles: u64) -> Option<u32> {
         let most = SHEET_TEXELS * triangles as f64 / texels;
         let fewer = most.clamp(FEWEST_TRIANGLES, f64::from(u32::MAX)) as u32;
-        (self.fewer_for_texels && fewer < self.cluster_triangles).then_some(fewer)
+        (self.fewer_for_texels && texels > 0.0 && fewer < self.cluster_triangles).then_some(fewer)
     }
 
     /// Names and values as they are stored in the file and printed by `chpm info`. That colours are those of images depends on the source, and
@@ -387,6 +387,19 @@ impl Default for Resources {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn dense_images_make_leaves_smaller() {
+        let settings = Settings::default();
+        assert_eq!(settings.triangles_for(0.0, 0), None, "no triangle has an image");
+        assert_eq!(settings.triangles_for(0.0, 7), None);
+        assert_eq!(settings.triangles_for(20_000.0, 1000), None);
+        assert_eq!(settings.triangles_for(1_024_000.0, 1000), Some(1024));
+        assert_eq!(settings.triangles_for(6.7e7, 12), Some(256));
+        assert_eq!(settings.triangles_for(f64::INFINITY, 12), Some(256));
+        let asked = Settings { fewer_for_texels: false, ..settings };
+        assert_eq!(asked.triangles_for(6.7e7, 12), None);
+    }
 
     #[test]
     fn positions_are_read_as_they_are_told() {
