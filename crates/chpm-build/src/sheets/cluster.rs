@@ -172,7 +172,10 @@ fn finish<P: Pixels>(
         least_texel,
     };
     let plan = Plan::new(&surface).ok_or_else(|| too_many(page.triangles.len()))?;
-    let memory = context.store.budget.reserve_task("a sheet", plan.memory() + beside)?;
+    let memory = context
+        .store
+        .budget
+        .reserve_task("a sheet, which --texture vertices does without", plan.memory() + beside)?;
     let texels = plan.bake(&surface, &scratch.paints, pixels).map_err(failed)?;
     Ok((plan, texels, memory))
 }
