@@ -364,12 +364,12 @@ fn a_sheet_that_needs_more_memory_is_refused_with_what_does_without() {
     let folder = Folder::new();
     folder.write("a.obj", hills(2, HEAD, |x, y| [x, y]));
     folder.write("a.mtl", "newmtl a\nmap_Kd a.png\n");
-    folder.write("a.png", png(3072, |u, _| vec![(255.0 * u) as u8], png::ColorType::Grayscale));
+    folder.write("a.png", png(4096, |u, _| vec![(255.0 * u) as u8], png::ColorType::Grayscale));
     let told = folder.stderr("build a.obj -o a.chpm -q --memory 128M", 2);
     assert!(told.contains("--texture vertices") && told.contains("raise --memory"), "{told}");
     assert!(!folder.names().contains(&"a.chpm".to_owned()));
     folder.stdout("build a.obj -o a.chpm -q --memory 128M --texture vertices");
-    folder.stdout("build a.obj -o a.chpm -q -f --memory 1G");
+    folder.stdout("build a.obj -o a.chpm -q -f --memory 256M");
     assert!(folder.stdout("info a.chpm --settings").contains("leaf-triangles"));
 }
 

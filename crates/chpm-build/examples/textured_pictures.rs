@@ -122,6 +122,47 @@ fn srgb(light: f64) -> f64 {
 }
 
 impl Mesh {
+    /// Texels that triangles show, and bytes of their images as JPEG when blocks that show nothing are grey.
+    fn used(&self) -> Result<(u64, usize), Box<dyn Error>> {
+        let (mut texels, mut bytes) = (0, 0);
+        for (number, (pixels, [width, height])) in (0..).zip(&self.images) {
+            let (width, height) = (*width, *height);
+            let mut is_shown = vec![false; width * height];
+            for triangle in &self.textured {
+                if self.materials[triangle.material as usize].image != Some(number) {
+                    continue;
+                }
+                let side = [width as f64, height as f64];
+                let [a, b, c] =
+                    triangle.uv.map(|[u, v]| [f64::from(u) * side[0], (1.0 - f64::from(v)) * side[1]]);
+                let cross = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| {
+                    (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
+                };
+                let turn = cross(a, b, c).signum();
+                let range = |axis: usize| {
+                    let all = [a, b, c].map(|p| p[axis].clamp(0.0, side[axis]));
+                    all[0].min(all[1]).min(all[2]) as usize..all[0].max(all[1]).max(all[2]).ceil() as usize
+                };
+                for (y, x) in range(1).flat_map(|y| range(0).map(move |x| (y, x))) {
+                    let p = [x as f64 + 0.5, y as f64 + 0.5];
+                    is_shown[y * width + x] |=
+                        [(a, b), (b, c), (c, a)].iter().all(|(q, r)| turn * cross(*q, *r, p) >= 0.0);
+                }
+            }
+            texels += is_shown.iter().filter(|shown| **shown).count() as u64;
+            let mut kept: Vec<[u8; 4]> = pixels.iter().map(|[r, g, b, _]| [*r, *g, *b, 255]).collect();
+            for (y, x) in (0..height).step_by(16).flat_map(|y| (0..width).step_by(16).map(move |x| (y, x))) {
+                let rows =
+                    || (y..height.min(y + 16)).map(|row| row * width + x..row * width + width.min(x + 16));
+                if !rows().any(|row| is_shown[row].contains(&true)) {
+                    rows().for_each(|row| kept[row].fill([128, 128, 128, 255]));
+                }
+            }
+            bytes += encode(&kept, [width as u16, height as u16])?.bytes.len();
+        }
+        Ok((texels, bytes))
+    }
+
     /// Light of a texture at a place, bilinear.
     fn texel(&self, material: &Material, [u, v]: [f64; 2], table: &[f64; 256]) -> [f64; 3] {
         let Some(image) = material.image else {
@@ -278,6 +319,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut meshes = vec![source];
     for other in others {
         meshes.push(read_any(other)?);
+    }
+    for (name, mesh) in words[3..].iter().zip(&meshes) {
+        let (texels, bytes) = mesh.used()?;
+        println!("{name}: {texels} texels shown, {bytes} bytes as JPEG");
     }
     for view in 0..6 {
         let mut pictures = Vec::new();

@@ -47,7 +47,8 @@ fn jpeg(pixels: &[[u8; 4]], [width, height]: [u16; 2]) -> Result<Vec<u8>, ImageE
 
 fn png(pixels: &[[u8; 4]], [width, height]: [u16; 2]) -> Result<Vec<u8>, ImageError> {
     let failed = |error| ImageError::Damaged { format: "PNG", what: format!("{error}") };
-    let mut bytes = Vec::new();
+    // What has no order gets no shorter; room that is not written to takes no memory.
+    let mut bytes = Vec::with_capacity(pixels.as_flattened().len());
     let mut encoder = png::Encoder::new(&mut bytes, width.into(), height.into());
     encoder.set_color(png::ColorType::Rgba);
     let mut writer = encoder.write_header().map_err(failed)?;

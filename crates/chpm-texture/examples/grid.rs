@@ -2,7 +2,7 @@
 //! and tells time of the processor and the peak of memory.
 
 use chpm_extmem::{Cancel, MemoryBudget, Store, process};
-use chpm_texture::{Averager, Material, TexturedTriangle, Wrap};
+use chpm_texture::{Averager, Images, Material, TexturedTriangle, Wrap};
 use std::error::Error;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader};
@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut open =
         |_: u32| -> io::Result<Box<dyn BufRead + Send>> { Ok(Box::new(BufReader::new(File::open(image)?))) };
     let count = (side as usize + 1).pow(2);
-    let colors = averager.finish(&[material], &mut open, count, &Cancel::default())?;
+    let colors = averager.finish(&[material], &mut Images::Files(&mut open), count, &Cancel::default())?;
 
     let mut sum = 0u64;
     let mut scratch = Vec::new();

@@ -1,7 +1,7 @@
 //! The pass that averages.
 
 use crate::footprint::Footprint;
-use crate::images::{OpenImage, Sizes, Strips};
+use crate::images::{Images, Sizes, Strips};
 use crate::piece::Piece;
 use crate::shares::Shares;
 use crate::{Material, TextureError, TexturedTriangle, VertexColors};
@@ -45,14 +45,14 @@ impl Averager {
     pub fn finish(
         self,
         materials: &[Material],
-        open_image: &mut OpenImage<'_>,
+        images: &mut Images<'_, '_>,
         vertex_count: usize,
         cancel: &Cancel,
     ) -> Result<VertexColors, TextureError> {
         let store = self.store.clone();
         let mut shares = Shares::new(&store, vertex_count)?;
-        let pieces = self.cut(materials, open_image, vertex_count, &mut shares, cancel)?;
-        average(&store, pieces, materials, open_image, &mut shares, cancel)?;
+        let pieces = self.cut(materials, images, vertex_count, &mut shares, cancel)?;
+        average(&store, pieces, materials, images, &mut shares, cancel)?;
         Ok(shares.finish()?)
     }
 
@@ -60,7 +60,7 @@ impl Averager {
     fn cut(
         self,
         materials: &[Material],
-        open_image: &mut OpenImage<'_>,
+        images: &mut Images<'_, '_>,
         vertex_count: usize,
         shares: &mut Shares,
         cancel: &Cancel,
@@ -81,7 +81,7 @@ impl Averager {
                     shares.add_to_all(vertices, &[material.plain_share(PLAIN); 3])?;
                     continue;
                 };
-                let size = sizes.get(image, open_image)?;
+                let size = sizes.get(image, images)?;
                 let Some(footprint) = Footprint::new(uv, size, material.wrap) else {
                     shares.add_to_all(vertices, &[material.plain_share(LOST); 3])?;
                     continue;
@@ -100,13 +100,13 @@ fn average(
     store: &Store,
     mut pieces: Sorted<Piece>,
     materials: &[Material],
-    open_image: &mut OpenImage<'_>,
+    images: &mut Images<'_, '_>,
     shares: &mut Shares,
     cancel: &Cancel,
 ) -> Result<(), TextureError> {
     let mut next = pieces.next()?;
     while let Some(Piece { image, .. }) = next {
-        let mut strips = Strips::open(store, image, open_image)?;
+        let mut strips = Strips::open(store, image, images)?;
         while let Some(piece) = next.filter(|piece| piece.image == image) {
             strips.go_to(piece.strip, cancel)?;
             let material = &materials[piece.material as usize];

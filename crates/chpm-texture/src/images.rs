@@ -3,6 +3,7 @@
 use crate::TextureError;
 use crate::piece::strip_height;
 use crate::texels::Texels;
+use crate::tiles::{TileRows, Tiles};
 use chpm_extmem::{Cancel, ExtmemError, Reservation, Store};
 use chpm_image::{ImageError, ImageRows};
 use std::collections::BTreeMap;
@@ -36,29 +37,69 @@ pub(crate) fn open_within(
     Ok((rows, memory))
 }
 
+/// Where the pixels of images come from, strip by strip.
+pub enum Images<'a, 'b> {
+    /// They are decoded.
+    Files(&'a mut OpenImage<'b>),
+    /// They have been decoded before.
+    Tiles(&'a Tiles),
+}
+
+impl<'a> Images<'a, '_> {
+    fn size(&mut self, image: u32) -> Result<[u32; 2], TextureError> {
+        match self {
+            Images::Files(open_image) => Ok(open(image, u64::MAX, open_image)?.size()),
+            Images::Tiles(tiles) => Ok(tiles.size(image)),
+        }
+    }
+
+    /// An image's rows, if there is memory for them and so much beside.
+    fn open(
+        &mut self,
+        store: &Store,
+        image: u32,
+        beside: impl Fn([u32; 2]) -> u64,
+    ) -> Result<(Rows<'a>, Reservation), TextureError> {
+        match self {
+            Images::Files(open_image) => {
+                let (rows, memory) = open_within(store, image, beside, open_image)?;
+                Ok((Rows::Decoded(rows), memory))
+            }
+            Images::Tiles(tiles) => {
+                let rows = tiles.rows(image);
+                let bytes = rows.memory() + beside(tiles.size(image));
+                Ok((Rows::Tiles(rows), store.budget.reserve_work("an image", bytes)?))
+            }
+        }
+    }
+}
+
+/// Rows of an image, from the top.
+enum Rows<'a> {
+    Decoded(ImageRows),
+    Tiles(TileRows<'a>),
+}
+
 /// Sizes of the images that were asked for.
 #[derive(Default)]
 pub(crate) struct Sizes(BTreeMap<u32, [u32; 2]>);
 
 impl Sizes {
-    pub(crate) fn get(
-        &mut self,
-        image: u32,
-        open_image: &mut OpenImage<'_>,
-    ) -> Result<[u32; 2], TextureError> {
+    pub(crate) fn get(&mut self, image: u32, images: &mut Images<'_, '_>) -> Result<[u32; 2], TextureError> {
         if let Some(size) = self.0.get(&image) {
             return Ok(*size);
         }
-        let size = open(image, u64::MAX, open_image)?.size();
+        let size = images.size(image)?;
         self.0.insert(image, size);
         Ok(size)
     }
 }
 
 /// An image, of which one strip is at hand.
-pub(crate) struct Strips {
+pub(crate) struct Strips<'a> {
     image: u32,
-    rows: ImageRows,
+    rows: Rows<'a>,
+    size: [u32; 2],
     /// The strip at hand, and how many were read.
     texels: Texels,
     strip: Option<u32>,
@@ -67,19 +108,16 @@ pub(crate) struct Strips {
     _memory: Reservation,
 }
 
-impl Strips {
-    /// Opens an image, if there is memory for its decoder and a strip.
-    pub(crate) fn open(
-        store: &Store,
-        image: u32,
-        open_image: &mut OpenImage<'_>,
-    ) -> Result<Self, TextureError> {
+impl<'a> Strips<'a> {
+    /// Opens an image, if there is memory for its rows and a strip.
+    pub(crate) fn open(store: &Store, image: u32, images: &mut Images<'a, '_>) -> Result<Self, TextureError> {
         let strip = |[width, height]: [u32; 2]| {
             Texels::bytes(width as usize, strip_height(width).min(height) as usize)
         };
-        let (rows, memory) = open_within(store, image, strip, open_image)?;
-        let texels = Texels::new(rows.size()[0] as usize);
-        Ok(Strips { image, rows, texels, strip: None, done: 0, pixels: Vec::new(), _memory: memory })
+        let size = images.size(image)?;
+        let (rows, memory) = images.open(store, image, strip)?;
+        let texels = Texels::new(size[0] as usize);
+        Ok(Strips { image, rows, size, texels, strip: None, done: 0, pixels: Vec::new(), _memory: memory })
     }
 
     /// Goes on to a strip, at or after the one at hand.
@@ -92,7 +130,10 @@ impl Strips {
             cancel.check()?;
             let image = self.image;
             let error = |source: ImageError| TextureError::Image { image, source };
-            self.rows.read_rows(height, &mut self.pixels).map_err(error)?;
+            match &mut self.rows {
+                Rows::Decoded(rows) => rows.read_rows(height, &mut self.pixels).map_err(error)?,
+                Rows::Tiles(rows) => rows.read(height, &mut self.pixels)?,
+            };
             self.done += 1;
         }
         self.texels.fill(&self.pixels);
@@ -101,7 +142,7 @@ impl Strips {
     }
 
     pub(crate) fn size(&self) -> [u32; 2] {
-        self.rows.size()
+        self.size
     }
 
     /// The strip at hand, and the row that it begins with.

@@ -22,7 +22,7 @@ mod triangle;
 pub use averager::Averager;
 pub use colors::VertexColors;
 pub use error::TextureError;
-pub use images::OpenImage;
+pub use images::{Images, OpenImage};
 pub use material::{Material, Wrap};
 pub use srgb::srgb_product;
 pub use texels::texel as linear_texel;

@@ -13,6 +13,7 @@ pub type Texel = [u16; 4];
 pub(crate) const WEIGHT: u64 = 255;
 
 /// A pixel in linear light, times its alpha: see [`Pixels`](crate::sheet::Pixels).
+#[inline]
 pub fn texel(&[r, g, b, a]: &[u8; 4]) -> Texel {
     let light = linear();
     if a == 255 {

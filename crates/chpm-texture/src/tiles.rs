@@ -2,7 +2,7 @@
 
 use crate::footprint::inside;
 use crate::images::{OpenImage, open_within};
-use crate::sheet::{Pixels, Region};
+use crate::sheet::{Pixels, Region, rows};
 use crate::texels::{Texel, texel};
 use crate::{Material, TextureError, Wrap};
 use chpm_extmem::{Cancel, ExtmemError, Spool, Store};
@@ -77,6 +77,67 @@ impl Tiles {
     pub fn size(&self, image: u32) -> [u32; 2] {
         self.images[image as usize].size
     }
+
+    /// The rows of an image, from the top.
+    pub(crate) fn rows(&self, image: u32) -> TileRows<'_> {
+        TileRows {
+            tiles: self,
+            grid: self.images[image as usize],
+            done: 0,
+            band: Vec::new(),
+            tile: vec![0; BYTES],
+        }
+    }
+}
+
+/// Rows of an image out of its tiles.
+pub(crate) struct TileRows<'a> {
+    tiles: &'a Tiles,
+    grid: Grid,
+    /// Rows that were handed out.
+    done: usize,
+    /// Rows of the tiles that the next one is of.
+    band: Vec<[u8; 4]>,
+    tile: Vec<u8>,
+}
+
+impl TileRows<'_> {
+    /// Bytes that it holds.
+    pub(crate) fn memory(&self) -> u64 {
+        u64::from(self.grid.size[0]) * (SIDE * size_of::<[u8; 4]>()) as u64 + BYTES as u64
+    }
+
+    /// Replaces `out` by the next rows, at most `count` of them, and answers how many there are.
+    pub(crate) fn read(&mut self, count: usize, out: &mut Vec<[u8; 4]>) -> Result<usize, ExtmemError> {
+        let [width, height] = self.grid.size.map(|side| side as usize);
+        out.clear();
+        let begin = self.done;
+        while self.done < height.min(begin + count) {
+            if self.done.is_multiple_of(SIDE) {
+                self.read_band()?;
+            }
+            let row = self.done % SIDE * width;
+            out.extend_from_slice(&self.band[row..row + width]);
+            self.done += 1;
+        }
+        Ok(self.done - begin)
+    }
+
+    fn read_band(&mut self) -> Result<(), ExtmemError> {
+        let Grid { size: [width, _], columns, first } = self.grid;
+        let width = width as usize;
+        self.band.resize(width * SIDE, [0; 4]);
+        for column in 0..columns {
+            let number = first + (self.done / SIDE) as u64 * columns + column;
+            self.tiles.texels.read_exact(number * BYTES as u64, &mut self.tile)?;
+            let begin = column as usize * SIDE;
+            let count = SIDE.min(width - begin);
+            for (row, texels) in self.tile.as_chunks().0.chunks_exact(SIDE).enumerate() {
+                self.band[row * width + begin..][..count].copy_from_slice(&texels[..count]);
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Reads images through the materials of triangles, whose numbers [`Pixels`] gets.
@@ -124,9 +185,15 @@ impl<'a> TileReader<'a> {
 }
 
 impl Pixels for TileReader<'_> {
-    fn region(&mut self, material: u32, column: i64, row: i64, out: &mut Region) -> Result<(), TextureError> {
+    fn region<'a>(
+        &'a mut self,
+        material: u32,
+        column: i64,
+        row: i64,
+        room: &'a mut Region,
+    ) -> Result<[&'a [Texel; 4]; 4], TextureError> {
         let Material { image: Some(image), wrap, .. } = self.materials[material as usize] else {
-            return Ok(());
+            return Ok(room.each_ref());
         };
         let grid = self.tiles.images[image as usize];
         let [width, height] = grid.size.map(i64::from);
@@ -134,18 +201,14 @@ impl Pixels for TileReader<'_> {
         if in_one(column, width) && in_one(row, height) {
             let (x, y) = (column as usize, row as usize);
             let tile = self.tile(&grid, (x / SIDE) as u64, (y / SIDE) as u64)?;
-            for (line, out) in out.iter_mut().enumerate() {
-                let begin = (y % SIDE + line) * SIDE + x % SIDE;
-                out.copy_from_slice(&tile[begin..begin + 4]);
-            }
-            return Ok(());
+            return Ok(rows(tile, y % SIDE * SIDE + x % SIDE, SIDE));
         }
-        for (line, out) in (row..).zip(out) {
+        for (line, out) in (row..).zip(room.iter_mut()) {
             for (at, out) in (column..).zip(out) {
                 *out = self.texel(&grid, [at, line], wrap)?;
             }
         }
-        Ok(())
+        Ok(room.each_ref())
     }
 }
 
@@ -181,14 +244,20 @@ mod tests {
                     .unwrap();
             let tiles = Tiles::read(&store, 3, &mut open, &Cancel::default()).unwrap();
             let mut reader = TileReader::new(&tiles, &materials);
-            let mut region = Region::default();
+            let mut room = Region::default();
             for (number, [width, height]) in (0..).zip(sizes) {
                 assert_eq!(tiles.size(number), [width, height]);
+                let (mut rows, mut all, mut some) = (tiles.rows(number), Vec::new(), Vec::new());
+                while rows.read(37, &mut some).unwrap() > 0 {
+                    all.append(&mut some);
+                }
+                let at = (0..height).flat_map(|y| (0..width).map(move |x| [x as u8, y as u8, 9, 255]));
+                assert!(all.into_iter().eq(at));
                 let [width, height] = [width, height].map(i64::from);
                 for (column, row) in
                     (-9..height + 9).flat_map(|row| (-9..width + 9).map(move |column| (column, row)))
                 {
-                    reader.region(number, column, row, &mut region).unwrap();
+                    let region = reader.region(number, column, row, &mut room).unwrap();
                     let expected = |x: i64, y: i64| {
                         let (x, y) = ((column + x).rem_euclid(width), (row + y).clamp(0, height - 1));
                         texel(&[x as u8, y as u8, 9, 255])

@@ -1,7 +1,7 @@
 //! Averages against sums over single texels, in any budget and order, and the cases that are hard.
 
 use chpm_extmem::{Cancel, Store};
-use chpm_texture::{Averager, Material, OpenImage, TextureError, TexturedTriangle, Wrap};
+use chpm_texture::{Averager, Images, Material, OpenImage, TextureError, TexturedTriangle, Wrap};
 use std::io::{self, BufRead, Cursor};
 
 /// Pixels of an image.
@@ -91,7 +91,7 @@ fn averaged(
         Ok(Box::new(Cursor::new(images.get(image as usize).ok_or(io::ErrorKind::NotFound)?.clone())))
     };
     let open: &mut OpenImage<'_> = &mut open;
-    let colors = averager.finish(materials, open, count, &Cancel::default())?;
+    let colors = averager.finish(materials, &mut Images::Files(open), count, &Cancel::default())?;
     assert_eq!(colors.len(), count);
     Ok(colors.read(0..count, &mut Vec::new())?.to_vec())
 }
@@ -371,6 +371,7 @@ fn a_request_to_stop_is_heard() {
     let cancel = Cancel::default();
     cancel.cancel();
     let mut open = |_: u32| -> io::Result<Box<dyn BufRead + Send>> { Err(io::ErrorKind::NotFound.into()) };
-    let ended = averager.finish(&[material(Some(0), Wrap::Repeat)], &mut open, 1, &cancel);
+    let ended =
+        averager.finish(&[material(Some(0), Wrap::Repeat)], &mut Images::Files(&mut open), 1, &cancel);
     assert!(matches!(ended, Err(TextureError::Cancelled(_))));
 }

@@ -2,13 +2,19 @@
 
 use chpm_mesh::{Chart, ProgressiveMesh};
 use chpm_texture::TextureError;
-use chpm_texture::sheet::{Paint, Pixels, Plan, Region, Surface};
+use chpm_texture::sheet::{Paint, Pixels, Plan, Region, Surface, Texel};
 
 /// No image is ever read.
 struct Nothing;
 
 impl Pixels for Nothing {
-    fn region(&mut self, _: u32, _: i64, _: i64, _: &mut Region) -> Result<(), TextureError> {
+    fn region<'a>(
+        &'a mut self,
+        _: u32,
+        _: i64,
+        _: i64,
+        _: &'a mut Region,
+    ) -> Result<[&'a [Texel; 4]; 4], TextureError> {
         panic!("there is no image");
     }
 }

@@ -125,7 +125,8 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
             .kept(textures, supply, context)?
             .map(|(triangles, tiles)| (triangles, tiles, textures.materials.clone()));
         let own = vertices.colors.as_ref();
-        vertices.colors = Some(texels.finish(textures, own, count, supply, context)?);
+        let tiles = wedges.as_ref().map(|(_, tiles, _)| tiles);
+        vertices.colors = Some(texels.finish(textures, tiles, own, count, supply, context)?);
         images = Some(textures.images.len() as u64);
     }
 

@@ -5,7 +5,7 @@ use crate::context::Context;
 use crate::error::BuildError;
 use chpm_extmem::{BufferWriter, Column, Store};
 use chpm_import::{Supply, Textures};
-use chpm_texture::{Averager, TextureError, TexturedTriangle, Tiles, srgb_product};
+use chpm_texture::{Averager, Images, TextureError, TexturedTriangle, Tiles, srgb_product};
 
 /// Vertices that are coloured at once.
 const WINDOW: usize = 1 << 14;
@@ -57,10 +57,11 @@ impl Texels {
         Ok(())
     }
 
-    /// Colours of all vertices. Their `own` stay where there is no texture, and tint it elsewhere if textures ask for it.
+    /// Colours of all vertices; of texels that are there already, images are not decoded again. Their `own` stay where there is no texture, and tint it elsewhere if textures ask for it.
     pub(super) fn finish(
         self,
         textures: &Textures,
+        tiles: Option<&Tiles>,
         own: Option<&Column<[u8; 4]>>,
         vertices: usize,
         supply: &Supply,
@@ -68,7 +69,8 @@ impl Texels {
     ) -> Result<Column<[u8; 4]>, BuildError> {
         let images = &textures.images;
         let mut open = |image: u32| images[image as usize].open();
-        let averaged = self.averager.finish(&textures.materials, &mut open, vertices, &context.cancel);
+        let mut images = tiles.map_or(Images::Files(&mut open), Images::Tiles);
+        let averaged = self.averager.finish(&textures.materials, &mut images, vertices, &context.cancel);
         let averaged = averaged.map_err(|error| failed(error, |image| named(textures, supply, image)))?;
 
         let mut colors = BufferWriter::new(&context.store, "colours of vertices", vertices)?;

@@ -10,8 +10,8 @@ use crate::trim::Built;
 use chpm_extmem::TaskReservation;
 use chpm_format::Page;
 use chpm_mesh::Places;
-use chpm_texture::sheet::{Paint, Pixels, Plan, Region, Surface};
-use chpm_texture::{TextureError, TileReader, linear_texel};
+use chpm_texture::sheet::{Paint, Pixels, Plan, Region, Surface, Texel, rows};
+use chpm_texture::{TextureError, TileReader};
 
 /// How much larger a parent's texels are than its children's: half as many texels, as there are half as many triangles.
 const COARSER: f64 = std::f64::consts::SQRT_2;
@@ -140,7 +140,7 @@ impl Cluster<'_> {
             let chart = &sheet.charts[usize::from(number)];
             let places = corners_of(*triangle).map(|corner| chart.place(sheet.origin, corner));
             let at = *triangle as usize;
-            scratch.texels[at] = COARSER * sheet.texel_of[usize::from(number)];
+            scratch.texels[at] = COARSER * texel(corners_of(*triangle), places);
             let image = *child << CHART_BITS | u32::from(number);
             scratch.paints[at] = Paint::Image { image, corners: places, factor: [255; 4] };
         }
@@ -205,16 +205,26 @@ fn texel(corners: [[f32; 3]; 3], places: [[f64; 2]; 3]) -> f64 {
 struct Children([RawSheet; 2]);
 
 impl Pixels for Children {
-    fn region(&mut self, image: u32, column: i64, row: i64, out: &mut Region) -> Result<(), TextureError> {
+    fn region<'a>(
+        &'a mut self,
+        image: u32,
+        column: i64,
+        row: i64,
+        room: &'a mut Region,
+    ) -> Result<[&'a [Texel; 4]; 4], TextureError> {
         let sheet = &self.0[(image >> CHART_BITS) as usize];
         // Beyond its rectangle is another chart.
         let [left, top, width, height] = sheet.charts[(image & 0xffff) as usize].rect.map(i64::from);
-        for (line, out) in (row..).zip(out) {
-            let line = line.clamp(top, top + height - 1) as usize * sheet.width;
+        let (right, bottom) = (left + width, top + height);
+        if column >= left && column + 4 <= right && row >= top && row + 4 <= bottom {
+            return Ok(rows(&sheet.texels, row as usize * sheet.width + column as usize, sheet.width));
+        }
+        for (line, out) in (row..).zip(room.iter_mut()) {
+            let line = line.clamp(top, bottom - 1) as usize * sheet.width;
             for (at, out) in (column..).zip(out) {
-                *out = linear_texel(&sheet.texels[line + at.clamp(left, left + width - 1) as usize]);
+                *out = sheet.texels[line + at.clamp(left, right - 1) as usize];
             }
         }
-        Ok(())
+        Ok(room.each_ref())
     }
 }

@@ -3,16 +3,22 @@
 use crate::error::BuildError;
 use chpm_extmem::{Spool, Store};
 use chpm_mesh::Chart;
-use chpm_texture::sheet::Plan;
+use chpm_texture::linear_texel;
+use chpm_texture::sheet::{Plan, Texel};
+
+/// Bytes of a texel as it lies there, and how many are read at once.
+const PIXEL: u64 = 4;
+const AT_ONCE: usize = 1 << 14;
 
 /// The sheets of a level.
 #[derive(Debug)]
 pub(super) struct Raw(Spool);
 
-/// Where a sheet is.
+/// Where a sheet is: its charts, and its texels.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RawRef {
-    offset: u64,
+    layout: u64,
+    texels: u64,
     charts: u32,
     triangles: u32,
     size: [u32; 2],
@@ -23,20 +29,20 @@ pub(super) struct RawRef {
 pub(super) struct RawSheet {
     pub(super) origin: [f32; 3],
     pub(super) charts: Vec<Chart>,
-    pub(super) texel_of: Vec<f64>,
     pub(super) chart_of: Vec<u16>,
     pub(super) width: usize,
-    pub(super) texels: Vec<[u8; 4]>,
+    pub(super) texels: Vec<Texel>,
 }
 
 impl RawRef {
     /// Bytes that it takes when it is read.
     pub(super) fn memory(&self) -> u64 {
-        2 * self.texels_len() + 64 * u64::from(self.charts) + 2 * u64::from(self.triangles)
+        let texels = size_of::<Texel>() as u64 * self.texel_count() as u64;
+        texels + 64 * u64::from(self.charts) + 2 * u64::from(self.triangles)
     }
 
-    fn texels_len(&self) -> u64 {
-        4 * u64::from(self.size[0]) * u64::from(self.size[1])
+    fn texel_count(&self) -> usize {
+        self.size[0] as usize * self.size[1] as usize
     }
 }
 
@@ -48,22 +54,20 @@ impl Raw {
     pub(super) fn append(&self, plan: &Plan, texels: &[[u8; 4]]) -> Result<RawRef, BuildError> {
         let mut bytes = bytemuck::cast_slice(&plan.origin).to_vec();
         bytes.extend_from_slice(bytemuck::cast_slice(&plan.charts));
-        bytes.extend_from_slice(bytemuck::cast_slice(&plan.texel_of));
         bytes.extend_from_slice(bytemuck::cast_slice(&plan.chart_of));
-        bytes.extend_from_slice(texels.as_flattened());
-        let offset = self.0.append(&bytes)?;
+        let layout = self.0.append(&bytes)?;
+        let texels = self.0.append(texels.as_flattened())?;
         let [charts, triangles] = [plan.charts.len(), plan.chart_of.len()].map(|count| count as u32);
-        Ok(RawRef { offset, charts, triangles, size: plan.size })
+        Ok(RawRef { layout, texels, charts, triangles, size: plan.size })
     }
 
     pub(super) fn read(&self, at: &RawRef, out: &mut RawSheet) -> Result<(), BuildError> {
         let (charts, triangles) = (at.charts as usize, at.triangles as usize);
-        let lens = [12, size_of::<Chart>() * charts, 8 * charts, 2 * triangles];
-        let (len, texels) = (lens.iter().sum::<usize>(), at.texels_len() as usize);
+        let lens = [12, size_of::<Chart>() * charts, 2 * triangles];
         let mut bytes = Vec::new();
-        self.0.read(at.offset, len, &mut bytes)?;
+        self.0.read(at.layout, lens.iter().sum(), &mut bytes)?;
         let mut rest = &bytes[..];
-        let [origin, charts, texel_of, chart_of] = lens.map(|len| {
+        let [origin, charts, chart_of] = lens.map(|len| {
             let (part, after) = rest.split_at(len);
             rest = after;
             part
@@ -71,14 +75,16 @@ impl Raw {
         out.origin = bytemuck::pod_read_unaligned(origin);
         out.charts.clear();
         out.charts.extend(charts.chunks_exact(size_of::<Chart>()).map(bytemuck::pod_read_unaligned::<Chart>));
-        out.texel_of.clear();
-        out.texel_of.extend(texel_of.as_chunks().0.iter().map(|eight| f64::from_le_bytes(*eight)));
         out.chart_of.clear();
         out.chart_of.extend(chart_of.as_chunks().0.iter().map(|two| u16::from_le_bytes(*two)));
         out.width = at.size[0] as usize;
         out.texels.clear();
-        out.texels.resize(texels / 4, [0; 4]);
-        self.0.read_exact(at.offset + len as u64, out.texels.as_flattened_mut())?;
+        out.texels.reserve(at.texel_count());
+        for begin in (0..at.texel_count()).step_by(AT_ONCE) {
+            let count = AT_ONCE.min(at.texel_count() - begin);
+            self.0.read(at.texels + PIXEL * begin as u64, PIXEL as usize * count, &mut bytes)?;
+            out.texels.extend(bytes.as_chunks().0.iter().map(linear_texel));
+        }
         Ok(())
     }
 }

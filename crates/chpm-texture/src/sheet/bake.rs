@@ -6,13 +6,19 @@ use super::plan::{Paint, Plan, Surface};
 use super::raster::spans;
 use super::sample::{Pixels, Samples};
 use super::vector::dot;
-use crate::{TextureError, srgb_product};
+use crate::TextureError;
+use crate::srgb::light;
 use chpm_mesh::Chart;
 
-/// Places of the samples of a texel.
-const SAMPLES: [[f64; 2]; 4] = [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]];
+/// Texels of an image that a sample stands for along an axis, about, and most samples along one.
+const SAMPLED: f64 = 1.25;
+const MOST_SAMPLES: usize = 4;
 /// Cosine with a chart's direction from which on the triangles of others may stand for what is not in the chart.
 const SEEN: f64 = 0.1;
+/// Texels of the rows of a chart that are looked at together.
+const BAND: u32 = 1 << 17;
+/// Texels of an image that are near each other.
+const NEAR: f64 = 64.0;
 /// Where nothing is needed.
 const NONE: u32 = u32::MAX;
 
@@ -47,7 +53,14 @@ impl Slope {
 
 /// A triangle's paint as a function of a place in a sheet.
 enum Brush {
-    Image { image: u32, place: [Slope; 2], factor: [u8; 4] },
+    /// An image, where the upper left corners of texels are in it, and the samples of a texel from there.
+    Image {
+        image: u32,
+        place: [Slope; 2],
+        samples: [[f64; 2]; MOST_SAMPLES * MOST_SAMPLES],
+        count: usize,
+        factor: [f32; 4],
+    },
     Colors([Slope; 4]),
 }
 
@@ -56,7 +69,19 @@ impl Brush {
         Some(match paint {
             Paint::Image { image, corners, factor } => {
                 let [x, y] = [0, 1].map(|axis| Slope::of(places, corners.map(|corner| corner[axis])));
-                Brush::Image { image: *image, place: [x?, y?], factor: *factor }
+                let [r, g, b, a] = factor.map(|part| f64::from(part) / 255.0);
+                let factor = [light(r), light(g), light(b), a].map(|part| part as f32);
+                let (x, y) = (x?, y?);
+                let [across, along] = [[x.right, y.right], [x.down, y.down]].map(|[dx, dy]| {
+                    let count = ((dx * dx + dy * dy).sqrt() / SAMPLED).ceil();
+                    count.clamp(1.0, MOST_SAMPLES as f64) as usize
+                });
+                let samples = std::array::from_fn(|number| {
+                    let part = |at: usize, count: usize| (at as f64 + 0.5) / count as f64;
+                    let [right, down] = [part(number % across, across), part(number / across, along)];
+                    [&x, &y].map(|slope| slope.right * right + slope.down * down)
+                });
+                Brush::Image { image: *image, place: [x, y], samples, count: across * along, factor }
             }
             Paint::Colors(colors) => {
                 let [r, g, b, a] =
@@ -74,13 +99,13 @@ impl Brush {
         pixels: &mut P,
     ) -> Result<[u8; 4], TextureError> {
         match self {
-            Brush::Image { image, place: [x, y], factor } => {
-                let mut samples = Samples::default();
-                for [right, down] in SAMPLES {
-                    let at = [column + right, row + down];
-                    samples.add(pixels, *image, [x.at(at), y.at(at)])?;
+            Brush::Image { image, place, samples, count, factor } => {
+                let corner = place.each_ref().map(|slope| slope.at([column, row]));
+                let mut sums = Samples::default();
+                for sample in &samples[..*count] {
+                    sums.add(pixels, *image, [corner[0] + sample[0], corner[1] + sample[1]])?;
                 }
-                Ok(multiplied(samples.color(SAMPLES.len() as i64), *factor))
+                Ok(sums.color(*count, *factor))
             }
             Brush::Colors(slopes) => Ok(slopes
                 .each_ref()
@@ -89,12 +114,14 @@ impl Brush {
     }
 }
 
-fn multiplied(color: [u8; 4], factor: [u8; 4]) -> [u8; 4] {
-    if factor == [255; 4] {
-        return color;
+/// About where paint is: its image, and a row and a column of parts of it.
+fn near(paint: &Paint) -> [i64; 3] {
+    match paint {
+        Paint::Image { image, corners: [[x, y], ..], .. } => {
+            [i64::from(*image), (y / NEAR) as i64, (x / NEAR) as i64]
+        }
+        Paint::Colors(_) => [-1, 0, 0],
     }
-    let [r, g, b] = std::array::from_fn(|i| srgb_product(color[i], factor[i]));
-    [r, g, b, ((u32::from(color[3]) * u32::from(factor[3]) + 127) / 255) as u8]
 }
 
 /// A sheet while it is filled.
@@ -126,10 +153,13 @@ impl Plan {
             of_chart[usize::from(*chart)].push(triangle);
         }
         let stride = self.size[0] as usize;
+        // What lies side by side in an image is read together.
+        let mut order: Vec<([i64; 3], u32)> = (paints.iter().map(near).zip(0..)).collect();
+        order.sort_unstable();
+        for (_, triangle) in order {
+            canvas.cover(usize::from(self.chart_of[triangle as usize]), triangle, pixels)?;
+        }
         for (number, triangles) in of_chart.iter().enumerate() {
-            for triangle in triangles {
-                canvas.cover(number, *triangle, pixels)?;
-            }
             canvas.cover_needed(number, triangles, &faces, pixels)?;
             let rect = self.charts[number].rect.map(usize::from);
             Patch { texels: &mut canvas.texels, known: &mut canvas.known, stride, rect }.fill();
@@ -175,7 +205,7 @@ impl Canvas<'_> {
     }
 
     /// Paints texels that a coarser state of the chart's triangles has, and the finest has not: with the surface of the cluster that is nearest along the chart's
-    /// direction.
+    /// direction. Some rows at a time.
     fn cover_needed<P: Pixels + ?Sized>(
         &mut self,
         number: usize,
@@ -183,18 +213,40 @@ impl Canvas<'_> {
         faces: &Faces<'_>,
         pixels: &mut P,
     ) -> Result<(), TextureError> {
+        let Chart { rect: [left, top, width, height], .. } = self.plan.charts[number];
+        let rows = (BAND / u32::from(width).max(1)).clamp(1, u16::MAX.into()) as u16;
+        for first in (0..height).step_by(rows.into()) {
+            let band = [left, top + first, width, rows.min(height - first)];
+            self.cover_band(number, band, triangles, faces, pixels)?;
+        }
+        Ok(())
+    }
+
+    fn cover_band<P: Pixels + ?Sized>(
+        &mut self,
+        number: usize,
+        band: [u16; 4],
+        triangles: &[u32],
+        faces: &Faces<'_>,
+        pixels: &mut P,
+    ) -> Result<(), TextureError> {
         let (chart, direction) = (self.plan.charts[number], self.plan.directions[number]);
         let stride = self.plan.size[0] as usize;
-        let [left, top, width, height] = chart.rect.map(usize::from);
-        // By texel of the rectangle: how deep the state is, how far the nearest surface, and which.
+        let bounds = band.map(f64::from);
+        let [left, top, width, height] = band.map(usize::from);
+        let rows = top as i64..(top + height) as i64;
+        // By texel of the band: how deep the state is, how far the nearest surface, and which.
         let mut needed: Vec<(f32, f32, u32)> = Vec::new();
         let surface = self.surface;
         let depths = |corners: [u16; 3]| surface.corners(corners).map(|corner| dot(corner, direction));
         for triangle in triangles {
             for state in surface.mesh().states(surface.triangles[*triangle as usize]).skip(1) {
-                let places = self.places(&chart, state);
+                let Some(places) = within(self.places(&chart, state), bounds) else { continue };
                 let Some(depth) = Slope::of(places, depths(state)) else { continue };
                 spans(places, |row, begin, end| {
+                    if !rows.contains(&row) {
+                        return;
+                    }
                     for column in begin..end {
                         if self.known[row as usize * stride + column as usize] {
                             continue;
@@ -214,7 +266,6 @@ impl Canvas<'_> {
             return Ok(());
         }
 
-        let bounds = chart.rect.map(f64::from);
         for (triangle, corners) in (0..).zip(surface.triangles) {
             if usize::from(self.plan.chart_of[triangle as usize]) == number
                 || dot(faces.normal(triangle), direction) < SEEN
@@ -226,7 +277,7 @@ impl Canvas<'_> {
             let Some(depth) = Slope::of(places, depths(*corners)) else { continue };
             let [first, last] = [left as i64, (left + width) as i64];
             spans(places, |row, begin, end| {
-                if !(top as i64..(top + height) as i64).contains(&row) {
+                if !rows.contains(&row) {
                     return;
                 }
                 for column in begin.max(first)..end.min(last) {

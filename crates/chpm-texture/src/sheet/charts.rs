@@ -20,6 +20,8 @@ const TURNS: [[f64; 2]; 8] = [
 /// Longest side of a chart, and most texels.
 const LONGEST: f64 = 8000.0;
 const MOST: f64 = (1u32 << 24) as f64;
+/// How much smaller texels get for triangles that are turned away, at most.
+const MOST_TURNED: f64 = 0.7;
 /// Texels across a chart that shows nothing to go by.
 const PLAIN: f64 = 8.0;
 
@@ -59,7 +61,7 @@ pub(super) fn flatten(
     Ok(flats)
 }
 
-/// The median of what triangles ask for, by area.
+/// The median of what triangles ask for, by area. As the chart is seen, they are smaller, and so are its texels: it has as many as they asked for.
 fn texel(surface: &Surface<'_>, faces: &Faces<'_>, triangles: &[u32], direction: Vector) -> f64 {
     let asked = |triangle: &u32| (surface.texels[*triangle as usize], faces.area(*triangle));
     let mut asked: Vec<(f64, f64)> = triangles
@@ -76,7 +78,12 @@ fn texel(surface: &Surface<'_>, faces: &Faces<'_>, triangles: &[u32], direction:
     });
     let extent = extent(surface, triangles, direction);
     // A chart has one texel at least.
-    let found = median.map_or(extent / PLAIN, |(texel, _)| texel.max(surface.least_texel).min(extent));
+    let seen = |triangle: &u32| faces.area(*triangle) * dot(faces.normal(*triangle), direction).max(0.0);
+    let [area, seen]: [f64; 2] =
+        [triangles.iter().map(|triangle| faces.area(*triangle)).sum(), triangles.iter().map(seen).sum()];
+    let smaller = (seen / area).sqrt().clamp(MOST_TURNED, 1.0);
+    let found =
+        median.map_or(extent / PLAIN, |(texel, _)| (texel * smaller).max(surface.least_texel).min(extent));
     // Of no extent at all: any will do, which a single can hold.
     if found > f64::from(f32::MIN_POSITIVE) * 1e6 { found } else { 1.0 }
 }

@@ -14,90 +14,131 @@ pub(super) struct Patch<'a> {
 }
 
 impl Patch<'_> {
-    fn at(&self, column: usize, row: usize) -> usize {
-        (self.rect[1] + row) * self.stride + self.rect[0] + column
+    /// Where a row begins.
+    fn row(&self, row: usize) -> usize {
+        (self.rect[1] + row) * self.stride + self.rect[0]
     }
 
     /// Gives a colour to every texel, if one has any: rings about what is known, then means of ever larger squares.
     pub(super) fn fill(&mut self) {
+        let (mut near, mut ring) = (Vec::new(), Vec::new());
         for _ in 0..RINGS {
-            self.grow();
+            self.grow(&mut near, &mut ring);
         }
         self.spread();
     }
 
     /// Gives a colour to texels beside known ones.
-    fn grow(&mut self) {
+    fn grow(&mut self, near: &mut Vec<bool>, ring: &mut Vec<(usize, [u8; 4])>) {
         let [_, _, width, height] = self.rect;
-        let mut ring = Vec::new();
-        for (row, column) in (0..height).flat_map(|row| (0..width).map(move |column| (row, column))) {
-            if self.known[self.at(column, row)] {
-                continue;
+        ring.clear();
+        for row in 0..height {
+            let rows = row.saturating_sub(1)..(row + 2).min(height);
+            // Whether a column has a known texel in these rows.
+            near.clear();
+            near.resize(width, false);
+            for begin in rows.clone().map(|row| self.row(row)) {
+                near.iter_mut()
+                    .zip(&self.known[begin..begin + width])
+                    .for_each(|(near, known)| *near |= known);
             }
-            let (mut sum, mut count) = ([0u32; 4], 0u32);
-            for y in row.saturating_sub(1)..(row + 2).min(height) {
-                for x in column.saturating_sub(1)..(column + 2).min(width) {
-                    if self.known[self.at(x, y)] {
-                        let texel = self.texels[self.at(x, y)];
-                        (0..4).for_each(|i| sum[i] += u32::from(texel[i]));
+            let begin = self.row(row);
+            for column in 0..width {
+                let columns = column.saturating_sub(1)..(column + 2).min(width);
+                if self.known[begin + column] || !near[columns.clone()].contains(&true) {
+                    continue;
+                }
+                let (mut sum, mut count) = ([0u32; 4], 0u32);
+                for at in rows
+                    .clone()
+                    .map(|row| self.row(row))
+                    .flat_map(|begin| columns.clone().map(move |x| begin + x))
+                {
+                    if self.known[at] {
+                        (0..4).for_each(|i| sum[i] += u32::from(self.texels[at][i]));
                         count += 1;
                     }
                 }
-            }
-            if count > 0 {
-                ring.push((self.at(column, row), sum.map(|part| ((part + count / 2) / count) as u8)));
+                ring.push((begin + column, sum.map(|part| ((part + count / 2) / count) as u8)));
             }
         }
         for (at, color) in ring {
-            (self.texels[at], self.known[at]) = (color, true);
+            (self.texels[*at], self.known[*at]) = (*color, true);
         }
     }
 
     /// Gives all others the mean of the least square of a grid that has a colour.
     pub(super) fn spread(&mut self) {
         let [_, _, width, height] = self.rect;
-        let mut sides = vec![[width, height]];
-        let mut levels: Vec<Vec<[u32; 5]>> = vec![Vec::new()];
-        while let Some([w, h]) = sides.last().copied().filter(|[w, h]| w * h > 1) {
-            let [halved_w, halved_h] = [w.div_ceil(2), h.div_ceil(2)];
-            let mut sums = vec![[0u32; 5]; halved_w * halved_h];
-            for (row, column) in (0..h).flat_map(|row| (0..w).map(move |column| (row, column))) {
-                let mean = match levels.len() {
-                    1 => {
-                        let at = self.at(column, row);
-                        let [r, g, b, a] = self.texels[at].map(u32::from);
-                        if self.known[at] { [r, g, b, a, 1] } else { [0; 5] }
-                    }
-                    level => levels[level - 1][row * w + column],
-                };
-                let sum = &mut sums[row / 2 * halved_w + column / 2];
-                (0..5).for_each(|i| sum[i] += mean[i]);
-            }
-            for sum in &mut sums {
-                let count = sum[4].max(1);
-                *sum = sum.map(|part| (part + count / 2) / count);
-                sum[4] = sum[4].min(1);
-            }
-            levels.push(sums);
-            sides.push([halved_w, halved_h]);
+        let is_known = |patch: &Self, row| patch.known[patch.row(row)..][..width].iter().all(|known| *known);
+        if (0..height).all(|row| is_known(self, row)) {
+            return;
         }
-        for (row, column) in (0..height).flat_map(|row| (0..width).map(move |column| (row, column))) {
-            let at = self.at(column, row);
-            if self.known[at] {
-                continue;
-            }
-            let found = (1..levels.len()).find_map(|level| {
-                let mean = levels[level][(row >> level) * sides[level][0] + (column >> level)];
-                (mean[4] > 0).then_some(mean)
-            });
-            if let Some([r, g, b, a, _]) = found {
-                self.texels[at] = [r, g, b, a].map(|part| part as u8);
-            }
+        let mut levels: Vec<Level> = Vec::new();
+        let mut size = [width, height];
+        while size[0] * size[1] > 1 {
+            let halved = match levels.last() {
+                None => Level::halved(size, |row| {
+                    let begin = self.row(row);
+                    (&self.texels[begin..begin + width], &self.known[begin..begin + width])
+                }),
+                Some(Level { width, means, known }) => Level::halved(size, |row| {
+                    (&means[row * width..][..*width], &known[row * width..][..*width])
+                }),
+            };
+            size = size.map(|side| side.div_ceil(2));
+            levels.push(halved);
         }
         for row in 0..height {
-            let at = self.at(0, row);
-            self.known[at..at + width].fill(true);
+            let begin = self.row(row);
+            for column in (0..width).filter(|column| !self.known[begin + column]) {
+                let mean = levels.iter().zip(1..).find_map(|(level, halvings): (_, u32)| {
+                    let at = (row >> halvings) * level.width + (column >> halvings);
+                    level.known[at].then(|| level.means[at])
+                });
+                if let Some(mean) = mean {
+                    self.texels[begin + column] = mean;
+                }
+            }
         }
+        for begin in (0..height).map(|row| self.row(row)).collect::<Vec<_>>() {
+            self.known[begin..begin + width].fill(true);
+        }
+    }
+}
+
+/// Means of the known ones of two by two texels.
+struct Level {
+    width: usize,
+    means: Vec<[u8; 4]>,
+    known: Vec<bool>,
+}
+
+impl Level {
+    fn halved<'a>([width, height]: [usize; 2], row: impl Fn(usize) -> (&'a [[u8; 4]], &'a [bool])) -> Level {
+        let halved = [width, height].map(|side| side.div_ceil(2));
+        let mut level = Level {
+            width: halved[0],
+            means: Vec::with_capacity(halved[0] * halved[1]),
+            known: Vec::with_capacity(halved[0] * halved[1]),
+        };
+        for above in (0..height).step_by(2) {
+            let rows = [row(above), row((above + 1).min(height - 1))];
+            let rows = &rows[..(height - above).min(2)];
+            for begin in (0..width).step_by(2) {
+                let (mut sum, mut count) = ([0u32; 4], 0u32);
+                for (texels, known) in rows {
+                    for at in (begin..(begin + 2).min(width)).filter(|at| known[*at]) {
+                        (0..4).for_each(|i| sum[i] += u32::from(texels[at][i]));
+                        count += 1;
+                    }
+                }
+                let most = count.max(1);
+                level.means.push(sum.map(|part| ((part + most / 2) / most) as u8));
+                level.known.push(count > 0);
+            }
+        }
+        level
     }
 }
 

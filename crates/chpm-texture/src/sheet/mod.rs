@@ -2,7 +2,7 @@
 //!
 //! [`Plan::new`] divides the triangles of a progressive mesh into charts, each of which faces its direction at every position, and packs their rectangles;
 //! [`Plan::bake`] fills the image from what each triangle shows: an image of the source, the sheet of a finer cluster, or colours of its corners. All of it is
-//! plain arithmetic of whole numbers and of f64 that is not fused, so that the same bytes come out on every machine.
+//! plain arithmetic of whole numbers and of floating point that is not fused, so that the same bytes come out on every machine.
 
 mod bake;
 mod charts;
@@ -19,4 +19,4 @@ pub use crate::texels::Texel;
 pub use halve::halved;
 pub use pack::pack;
 pub use plan::{Paint, Plan, Surface};
-pub use sample::{Pixels, Region};
+pub use sample::{Pixels, Region, rows};

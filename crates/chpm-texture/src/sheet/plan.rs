@@ -13,8 +13,10 @@ const STEP: u32 = 16;
 const LONGEST: u32 = 8192;
 /// Most texels of a sheet.
 const MOST: f64 = (1u32 << 24) as f64;
-/// Bytes that making a sheet takes for each of its texels.
-const BYTES: u64 = 24;
+/// Bytes that making a sheet takes for each of its texels: themselves, and then means of squares, or PNG of noise and a copy of it.
+const BYTES: u64 = 12;
+/// And beside them.
+const BESIDE: u64 = 2 << 20;
 
 /// The surface of a cluster: a progressive mesh, and how finely each triangle is to be shown.
 #[derive(Clone, Copy, Debug)]
@@ -144,7 +146,7 @@ impl Plan {
 
     /// Bytes that baking takes.
     pub fn memory(&self) -> u64 {
-        BYTES * u64::from(self.size[0]) * u64::from(self.size[1])
+        BESIDE + BYTES * u64::from(self.size[0]) * u64::from(self.size[1])
     }
 }
 

@@ -7,8 +7,6 @@ use std::sync::LazyLock;
 
 /// Parts of a texel that places are rounded to.
 const PARTS: f64 = 256.0;
-/// Bits of the weights of a row.
-const BITS: i32 = 14;
 /// The farthest place from zero, texels.
 const FAR: f64 = (1u64 << 40) as f64;
 
@@ -17,15 +15,28 @@ pub type Region = [[Texel; 4]; 4];
 
 /// Something to take samples of: images by number.
 pub trait Pixels {
-    /// Reads four rows of four texels, beginning at a column and a row, which may be outside.
+    /// Four rows of four texels, beginning at a column and a row, which may be outside; in `room` where they do not lie so.
     ///
     /// # Errors
     /// What keeps the texels from being read.
-    fn region(&mut self, image: u32, column: i64, row: i64, out: &mut Region) -> Result<(), TextureError>;
+    fn region<'a>(
+        &'a mut self,
+        image: u32,
+        column: i64,
+        row: i64,
+        room: &'a mut Region,
+    ) -> Result<[&'a [Texel; 4]; 4], TextureError>;
 }
 
-/// Catmull and Rom's weights of four texels, for each part of the way from the second to the third; of whole numbers, 2^14 together.
-static WEIGHTS: LazyLock<[[i32; 4]; 256]> = LazyLock::new(|| {
+/// Four rows of four texels of an image that lie in it, from the first on.
+pub fn rows(texels: &[Texel], first: usize, width: usize) -> [&[Texel; 4]; 4] {
+    static NONE: [Texel; 4] = [[0; 4]; 4];
+    let part = texels.get(first..first + 3 * width + 4).unwrap_or_default();
+    std::array::from_fn(|row| part.get(row * width..).and_then(|row| row.first_chunk()).unwrap_or(&NONE))
+}
+
+/// Catmull and Rom's weights of four texels, for each part of the way from the second to the third.
+static WEIGHTS: LazyLock<[[f32; 4]; 256]> = LazyLock::new(|| {
     std::array::from_fn(|part| {
         let x = part as f64 / PARTS;
         let exact = [
@@ -34,17 +45,14 @@ static WEIGHTS: LazyLock<[[i32; 4]; 256]> = LazyLock::new(|| {
             ((-1.5 * x + 2.0) * x + 0.5) * x,
             (0.5 * x - 0.5) * x * x,
         ];
-        let mut weights = exact.map(|weight| (weight * f64::from(1 << BITS) + 0.5).floor() as i32);
-        let largest = if x < 0.5 { 1 } else { 2 };
-        weights[largest] += (1 << BITS) - weights.iter().sum::<i32>();
-        weights
+        exact.map(|weight| weight as f32)
     })
 });
 
 /// Sums of samples.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Samples {
-    sums: [i64; 4],
+    sums: [f32; 4],
 }
 
 impl Samples {
@@ -55,33 +63,40 @@ impl Samples {
         image: u32,
         place: [f64; 2],
     ) -> Result<(), TextureError> {
-        let parts = place.map(|x| ((x.clamp(-FAR, FAR) - 0.5) * PARTS + 0.5).floor() as i64);
-        let [columns, rows] = parts.map(|part| &WEIGHTS[(part & 255) as usize]);
-        let mut region = Region::default();
-        pixels.region(image, (parts[0] >> 8) - 1, (parts[1] >> 8) - 1, &mut region)?;
-        for (texels, row) in region.iter().zip(rows) {
-            let mut line = [0i32; 4];
+        let parts = place.map(|x| nearest((x.clamp(-FAR, FAR) - 0.5) * PARTS));
+        let weights = &*WEIGHTS;
+        let [columns, rows] = parts.map(|part| &weights[(part & 255) as usize]);
+        let mut room = Region::default();
+        let region = pixels.region(image, (parts[0] >> 8) - 1, (parts[1] >> 8) - 1, &mut room)?;
+        for (texels, row) in region.into_iter().zip(rows) {
+            let mut line = [0f32; 4];
             for (texel, column) in texels.iter().zip(columns) {
                 for (sum, part) in line.iter_mut().zip(texel) {
-                    *sum += i32::from(*part) * column;
+                    *sum += f32::from(*part) * column;
                 }
             }
             for (sum, part) in self.sums.iter_mut().zip(line) {
-                *sum += i64::from(part) * i64::from(*row);
+                *sum += part * row;
             }
         }
         Ok(())
     }
 
-    /// The mean colour.
-    pub(super) fn color(&self, count: i64) -> [u8; 4] {
-        let [r, g, b, shown] = self.sums;
-        let whole = (count << (2 * BITS)) as f64;
-        let alpha = (shown as f64 / (whole * 255.0) - 1.0 + 0.5).floor().clamp(0.0, 255.0) as u8;
-        let shown = (shown as f64).max(whole * 255.0);
-        let [r, g, b] = [r, g, b].map(|part| encode(part as f64 * (255.0 * 256.0) / shown));
-        [r, g, b, alpha]
+    /// The mean colour of so many samples, times a factor: of light, and of alpha.
+    pub(super) fn color(&self, count: usize, factor: [f32; 4]) -> [u8; 4] {
+        let [r, g, b, shown] = self.sums.map(f64::from);
+        let whole = 255.0 * count as f64;
+        let alpha = (shown / whole - 1.0).clamp(0.0, 255.0) * f64::from(factor[3]);
+        let scale = 255.0 * 256.0 / shown.max(whole);
+        let [r, g, b] = [(r, 0), (g, 1), (b, 2)].map(|(part, i)| encode(part * scale * f64::from(factor[i])));
+        [r, g, b, (alpha + 0.5) as u8]
     }
+}
+
+/// The nearest whole number, of less than 2^51: where numbers have no digits behind the point, adding rounds.
+fn nearest(x: f64) -> i64 {
+    const NO_DIGITS: f64 = (3u64 << 51) as f64;
+    ((x + NO_DIGITS).to_bits() as i64).wrapping_sub(NO_DIGITS.to_bits() as i64)
 }
 
 #[cfg(test)]
@@ -93,20 +108,26 @@ mod tests {
     struct Slope(Vec<[u8; 4]>);
 
     impl Pixels for Slope {
-        fn region(&mut self, _: u32, column: i64, _: i64, out: &mut Region) -> Result<(), TextureError> {
-            for row in out {
+        fn region<'a>(
+            &'a mut self,
+            _: u32,
+            column: i64,
+            _: i64,
+            room: &'a mut Region,
+        ) -> Result<[&'a [Texel; 4]; 4], TextureError> {
+            for row in room.iter_mut() {
                 *row = std::array::from_fn(|i| {
                     texel(&self.0[(column + i as i64).clamp(0, self.0.len() as i64 - 1) as usize])
                 });
             }
-            Ok(())
+            Ok(room.each_ref())
         }
     }
 
     fn at(pixels: &mut Slope, place: [f64; 2]) -> [u8; 4] {
         let mut samples = Samples::default();
         samples.add(pixels, 0, place).unwrap();
-        samples.color(1)
+        samples.color(1, [1.0; 4])
     }
 
     #[test]
@@ -124,11 +145,19 @@ mod tests {
     }
 
     #[test]
+    fn whole_numbers_are_the_nearest() {
+        for x in [0.0, 0.49, -0.49, 0.51, -0.51, 7.0, -7.0, 1e6 + 0.7, -1e6 - 0.7, FAR * PARTS, -FAR * PARTS]
+        {
+            assert_eq!(nearest(x) as f64, x.round(), "{x}");
+        }
+    }
+
+    #[test]
     fn one_colour_is_that_colour_anywhere() {
         let mut pixels = Slope(vec![[9, 77, 254, 255]; 3]);
         for place in [-1e300, -7.3, 0.0, 1.26, 5.999, 1e18, f64::INFINITY] {
             assert_eq!(at(&mut pixels, [place, -place]), [9, 77, 254, 255], "{place}");
         }
-        assert!(WEIGHTS.iter().all(|weights| weights.iter().sum::<i32>() == 1 << BITS));
+        assert!(WEIGHTS.iter().all(|weights| (weights.iter().sum::<f32>() - 1.0).abs() < 1e-6));
     }
 }
