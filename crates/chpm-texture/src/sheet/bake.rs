@@ -12,7 +12,7 @@ use chpm_mesh::Chart;
 
 /// Texels of an image that a sample stands for along an axis, about, and most samples along one.
 const SAMPLED: f64 = 1.25;
-const MOST_SAMPLES: usize = 4;
+const MOST_SAMPLES: f64 = 4.0;
 /// Cosine with a chart's direction from which on the triangles of others may stand for what is not in the chart.
 const SEEN: f64 = 0.1;
 /// Texels of the rows of a chart that are looked at together.
@@ -53,12 +53,12 @@ impl Slope {
 
 /// A triangle's paint as a function of a place in a sheet.
 enum Brush {
-    /// An image, where the upper left corners of texels are in it, and the samples of a texel from there.
+    /// An image, where the first samples of texels are in it, and how many there are and how far apart, along a texel's width and height.
     Image {
         image: u32,
         place: [Slope; 2],
-        samples: [[f64; 2]; MOST_SAMPLES * MOST_SAMPLES],
-        count: usize,
+        counts: [u32; 2],
+        steps: [[f64; 2]; 2],
         factor: [f32; 4],
     },
     Colors([Slope; 4]),
@@ -72,16 +72,16 @@ impl Brush {
                 let [r, g, b, a] = factor.map(|part| f64::from(part) / 255.0);
                 let factor = [light(r), light(g), light(b), a].map(|part| part as f32);
                 let (x, y) = (x?, y?);
-                let [across, along] = [[x.right, y.right], [x.down, y.down]].map(|[dx, dy]| {
-                    let count = ((dx * dx + dy * dy).sqrt() / SAMPLED).ceil();
-                    count.clamp(1.0, MOST_SAMPLES as f64) as usize
+                let sides = [[x.right, y.right], [x.down, y.down]];
+                let counts = sides.map(|[dx, dy]| {
+                    ((dx * dx + dy * dy).sqrt() / SAMPLED).ceil().clamp(1.0, MOST_SAMPLES) as u32
                 });
-                let samples = std::array::from_fn(|number| {
-                    let part = |at: usize, count: usize| (at as f64 + 0.5) / count as f64;
-                    let [right, down] = [part(number % across, across), part(number / across, along)];
-                    [&x, &y].map(|slope| slope.right * right + slope.down * down)
-                });
-                Brush::Image { image: *image, place: [x, y], samples, count: across * along, factor }
+                let steps = [0, 1].map(|way| sides[way].map(|side| side / f64::from(counts[way])));
+                let first = |slope: Slope, axis: usize| Slope {
+                    at_zero: slope.at_zero + (steps[0][axis] + steps[1][axis]) / 2.0,
+                    ..slope
+                };
+                Brush::Image { image: *image, place: [first(x, 0), first(y, 1)], counts, steps, factor }
             }
             Paint::Colors(colors) => {
                 let [r, g, b, a] =
@@ -99,13 +99,16 @@ impl Brush {
         pixels: &mut P,
     ) -> Result<[u8; 4], TextureError> {
         match self {
-            Brush::Image { image, place, samples, count, factor } => {
-                let corner = place.each_ref().map(|slope| slope.at([column, row]));
+            Brush::Image { image, place, counts: [across, along], steps, factor } => {
+                let first = place.each_ref().map(|slope| slope.at([column, row]));
                 let mut sums = Samples::default();
-                for sample in &samples[..*count] {
-                    sums.add(pixels, *image, [corner[0] + sample[0], corner[1] + sample[1]])?;
+                for (down, right) in (0..*along).flat_map(|down| (0..*across).map(move |right| (down, right)))
+                {
+                    let [right, down] = [right, down].map(f64::from);
+                    let at = [0, 1].map(|axis| first[axis] + right * steps[0][axis] + down * steps[1][axis]);
+                    sums.add(pixels, *image, at)?;
                 }
-                Ok(sums.color(*count, *factor))
+                Ok(sums.color(across * along, *factor))
             }
             Brush::Colors(slopes) => Ok(slopes
                 .each_ref()

@@ -83,9 +83,9 @@ impl Samples {
     }
 
     /// The mean colour of so many samples, times a factor: of light, and of alpha.
-    pub(super) fn color(&self, count: usize, factor: [f32; 4]) -> [u8; 4] {
+    pub(super) fn color(&self, count: u32, factor: [f32; 4]) -> [u8; 4] {
         let [r, g, b, shown] = self.sums.map(f64::from);
-        let whole = 255.0 * count as f64;
+        let whole = 255.0 * f64::from(count);
         let alpha = (shown / whole - 1.0).clamp(0.0, 255.0) * f64::from(factor[3]);
         let scale = 255.0 * 256.0 / shown.max(whole);
         let [r, g, b] = [(r, 0), (g, 1), (b, 2)].map(|(part, i)| encode(part * scale * f64::from(factor[i])));
