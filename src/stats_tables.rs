@@ -10,6 +10,9 @@ use std::io::{self, Write};
 /// All tables.
 pub(crate) fn print(stats: &Stats, out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "{}\n\n{}\n\n{}", clusters(&stats.levels), errors(&stats.levels), layout(&stats.levels))?;
+    if stats.levels.iter().any(|level| level.sheets.is_some()) {
+        writeln!(out, "\n{}", sheets(&stats.levels))?;
+    }
     print_whole(stats, out)?;
     writeln!(out, "\n{}", worst_table(stats))?;
     writeln!(out, "\nchpm dump FILE --cluster ID shows one of them")
@@ -108,6 +111,35 @@ fn layout(levels: &[LevelStats]) -> String {
     });
     let header =
         ["level", "box aspect: median", "most", "overlap: median", "most", "pages", "ACMR 24", "edge span"];
+    table(&header, rows)
+}
+
+fn sheets(levels: &[LevelStats]) -> String {
+    let rows = levels.iter().filter_map(|level| {
+        let sheets = level.sheets?;
+        Some(vec![
+            level.level.to_string(),
+            Short(sheets.texels).to_string(),
+            cell(sheets.charts, |s| s.median, count),
+            cell(sheets.charts, |s| s.max, count),
+            cell(sheets.texel, |s| s.min, units),
+            cell(sheets.texel, |s| s.median, units),
+            cell(sheets.texel, |s| s.max, units),
+            Bytes(sheets.bytes).to_string(),
+            two(sheets.bits_per_texel),
+        ])
+    });
+    let header = [
+        "level",
+        "texels",
+        "charts: median",
+        "most",
+        "texel: least",
+        "median",
+        "most",
+        "sheets",
+        "bits a texel",
+    ];
     table(&header, rows)
 }
 

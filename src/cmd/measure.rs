@@ -1,4 +1,6 @@
-//! `chpm measure`: how far two meshes are from each other, or a file's levels and cuts from its source.
+//! `chpm measure`: how far two meshes are from each other, or a file's levels and cuts from its source, or its colours from those of the source's images.
+
+mod texture;
 
 use super::{Verdict, open, reading, stdout};
 use crate::args::StorageArgs;
@@ -46,7 +48,12 @@ pub(crate) struct Args {
     /// Seed of the first cut; the others follow
     #[arg(long, value_name = "S", requires = "cuts", default_value_t = 0)]
     seed: u64,
-    /// Samples on each triangle of the finer mesh at least, and as many as that by area; vertices and edges have their own
+    /// Measure colours of a file with sheets: how far they are from those of the source's images, and how far they have
+    /// slid on the surface. The source is read into memory
+    #[arg(long, requires = "against", conflicts_with_all = ["second", "levels", "cuts"])]
+    texture: bool,
+    /// Samples on each triangle of the finer mesh at least, and as many as that by area; vertices and edges have their own.
+    /// With --texture, samples for each triangle that is drawn, spread by area
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = number::count(1_u32..=1_000_000))]
     samples: u32,
     #[command(flatten)]
@@ -66,7 +73,13 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let pool = args.threads.pool()?;
     pool.install(|| match (&args.second, &args.against) {
         (Some(second), _) => meshes(args, second),
-        (_, Some(source)) => model(args, source, stop),
+        (_, Some(source)) => {
+            let file = open(&args.first)?;
+            reading(&file, || match args.texture {
+                true => texture::run(&file, args, source, stop),
+                false => judge(&file, args, source, stop),
+            })
+        }
         _ => bail!("a second mesh or --against is needed"),
     })
 }
@@ -192,11 +205,6 @@ fn side_json(side: &Side, origin: [f64; 3]) -> judged::Side {
         rms: side.rms,
         samples: side.samples,
     }
-}
-
-fn model(args: &Args, source: &Path, stop: &Stop) -> Result<Verdict> {
-    let file = open(&args.first)?;
-    reading(&file, || judge(&file, args, source, stop))
 }
 
 fn judge(file: &Chpm<MappedFile>, args: &Args, source: &Path, stop: &Stop) -> Result<Verdict> {

@@ -294,6 +294,59 @@ pub(crate) struct MeasureMeshes {
     pub(crate) at: Option<[f64; 3]>,
 }
 
+/// `chpm measure --texture --json`
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct MeasureTexture {
+    /// `chpm-measure-texture/1`
+    pub(crate) schema: &'static str,
+    /// The file as it was named
+    pub(crate) file: String,
+    /// The source as it was named
+    pub(crate) source: String,
+    /// Samples for each triangle
+    pub(crate) samples_per_triangle: u32,
+    /// From the finest mesh on
+    pub(crate) levels: Vec<TextureOfLevel>,
+}
+
+/// Colours of a level.
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct TextureOfLevel {
+    pub(crate) level: u32,
+    /// The part of the level's collapses that is applied
+    pub(crate) collapsed: f64,
+    pub(crate) triangles: u64,
+    /// Samples where the source has a colour
+    pub(crate) samples: u64,
+    /// Half of them differ by no more, of 255
+    pub(crate) median: f64,
+    /// 95 of 100 differ by no more
+    pub(crate) p95: f64,
+    /// 99 of 100 differ by no more
+    pub(crate) p99: f64,
+    /// Peak signal-to-noise ratio, decibels; `null` where nothing differs
+    pub(crate) psnr: Option<f64>,
+    pub(crate) slide: Slide,
+}
+
+/// How far colours are from where the source has them.
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct Slide {
+    /// Samples for which that is known
+    pub(crate) samples: u64,
+    /// Samples that show filled texels
+    pub(crate) outside: u64,
+    /// The largest, object units
+    pub(crate) max: f64,
+    /// The largest part of what stored errors allow
+    pub(crate) of_bound: f64,
+    /// Samples that are farther away than that
+    pub(crate) beyond: u64,
+}
+
 /// A mesh of a comparison.
 #[derive(Serialize, Debug)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]

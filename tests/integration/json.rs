@@ -91,6 +91,9 @@ fn every_key_is_documented_and_appears() {
     folder.write("one.poses", "0,0,0\n");
     folder.write("some.rays", "0,0,9,0,0,-1\n0,0,9,0,0,1\n");
 
+    super::sheets::add_textured(&folder);
+    folder.stdout("build a.obj -q --texture sheets --cluster-triangles 512");
+
     let measured = folder.stdout("measure in.chpm --against in.ply --samples 1 -q --json");
     folder.write("measured.json", measured);
 
@@ -106,6 +109,7 @@ fn every_key_is_documented_and_appears() {
         ("info", "info named.chpm --json", 0),
         ("stats", "stats in.chpm --json --measured measured.json", 0),
         ("stats", "stats odd.chpm --json", 0),
+        ("stats", "stats a.chpm --json", 0),
         ("config", "config in.ply --json", 0),
         ("verify", "verify in.chpm --against in.ply --cuts 2 -q --json", 0),
         ("verify", "verify in.chpm --against in.ply --errors --cuts 1 -q --json", 0),
@@ -113,6 +117,7 @@ fn every_key_is_documented_and_appears() {
         ("verify", "verify bad.chpm -q --json", 1),
         ("measure", "measure in.chpm --against in.ply --levels --cuts 1 --samples 1 -q --json", 0),
         ("measure-meshes", "measure in.ply small.ply --samples 1 -q --json", 0),
+        ("measure-texture", "measure a.chpm --against a.obj --texture --samples 1 -q --json", 0),
         ("distance", "distance in.chpm small.ply --pose 3,0,0 -q --json", 0),
         ("clearance", "clearance in.chpm small.ply --above 1% -q --json", 1),
         ("contacts", "contacts in.chpm small.ply --within 1% -q --json", 0),

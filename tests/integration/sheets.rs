@@ -52,10 +52,15 @@ const BUILD: &str = "--texture sheets --cluster-triangles 512 -q";
 
 fn textured() -> Folder {
     let folder = Folder::new();
+    add_textured(&folder);
+    folder
+}
+
+/// Hills with a board, `a.obj`.
+pub(crate) fn add_textured(folder: &Folder) {
     folder.write("a.obj", hills(48, HEAD, |x, y| [x, y]));
     folder.write("a.mtl", "newmtl a\nmap_Kd a.png\n");
     folder.write("a.png", png(512, |u, v| board(u, v).to_vec(), png::ColorType::Rgb));
-    folder
 }
 
 /// Texels in the middle of squares of the board, held against it.
@@ -505,4 +510,51 @@ fn holes_in_images_come_through_as_png() {
     assert!(shown.len() > 500 && hidden.len() > 500);
     assert!(shown.iter().all(|alpha| *alpha == 255), "{shown:?}");
     assert!(hidden.iter().all(|alpha| *alpha == 0), "{hidden:?}");
+}
+
+#[test]
+fn colours_are_measured_beside_the_source() {
+    let folder = textured();
+    folder.stdout(&format!("build a.obj {BUILD}"));
+    let words = "measure a.chpm --against a.obj --texture --samples 4 -q";
+    let told: serde_json::Value =
+        serde_json::from_str(&folder.stdout(&format!("{words} --json"))).expect("JSON");
+    let levels = told["levels"].as_array().expect("levels");
+    let at = |row: &serde_json::Value, key: &str| row[key].as_f64().expect("a number");
+    // The finest mesh is the source's: nothing slides, and but for squares' sides colours are the source's.
+    let finest = &levels[0];
+    assert_eq!((at(finest, "level"), at(finest, "collapsed"), at(finest, "triangles")), (0.0, 0.0, 4608.0));
+    assert!(at(finest, "median") < 4.0 && at(finest, "psnr") > 25.0, "{finest}");
+    let slide = &finest["slide"];
+    assert!(at(slide, "max") < 1e-4 && at(slide, "beyond") == 0.0, "{finest}");
+    assert!(at(slide, "outside") < 0.001 * at(slide, "samples"), "{finest}");
+    for row in levels {
+        let slide = &row["slide"];
+        assert!(at(slide, "samples") > 9.0 * at(slide, "outside"), "{row}");
+        assert!(at(slide, "of_bound") < 1.0 && at(slide, "beyond") == 0.0, "{row}");
+        assert!(at(row, "median") <= at(row, "p95") && at(row, "p95") <= at(row, "p99"), "{row}");
+    }
+    let coarsest = levels.last().expect("a level");
+    assert!(at(&coarsest["slide"], "max") > 0.0 && at(coarsest, "psnr") < at(finest, "psnr"), "{coarsest}");
+    let table = folder.stdout(words);
+    assert!(table.contains("PSNR") && table.contains("level 0, 50 %"), "{table}");
+
+    // A source of other colours is told from it.
+    folder.write(
+        "a.png",
+        png(512, |u, v| board(u + 1.0 / f64::from(SQUARES), v).to_vec(), png::ColorType::Rgb),
+    );
+    let other: serde_json::Value =
+        serde_json::from_str(&folder.stdout(&format!("{words} --json"))).expect("JSON");
+    assert!(at(&other["levels"][0], "median") > 100.0, "{other}");
+
+    // What cannot be measured is refused by name.
+    folder.stdout("build a.obj --texture vertices -o v.chpm -q");
+    let error = folder.stderr("measure v.chpm --against a.obj --texture -q", 2);
+    assert!(error.contains("no sheets"), "{error}");
+    folder.stdout("synth sphere --triangles 500 -o s.ply -q");
+    let error = folder.stderr("measure a.chpm --against s.ply --texture -q", 2);
+    assert!(error.contains("no image"), "{error}");
+    let error = folder.stderr("measure a.chpm --against a.obj --texture --memory 1M -q", 2);
+    assert!(error.contains("--memory"), "{error}");
 }

@@ -182,6 +182,7 @@ fn every_number_is_in_the_bytes() {
                 "acmr24": acmr(24),
                 "acmr32": acmr(32),
                 "edge_span": ratio(total(&|c| span(&c.triangles)), 3.0 * triangles),
+                "sheets": null,
                 "tightness": null,
             });
             assert_eq!(u64::from(raw.u32(at + 4)), own.len() as u64);
@@ -225,6 +226,7 @@ fn whole(stats: &Value, raw: &Raw, words: &str) {
         "tables": len - padded,
         "pages": pages,
         "padding": padded - pages,
+        "sheets": 0,
         "per_triangle": len as f64 / source as f64,
         "parts": parts(&all, raw.u32(44)),
     });
@@ -359,6 +361,44 @@ fn packing_changes_bytes_alone() {
             .retain(|worst| worst["measure"] != "bytes_per_triangle");
     }
     assert_eq!(raw, packed);
+}
+
+/// Records of TEXTURES: 64 bytes, in the order of the clusters.
+#[test]
+fn sheets_are_in_the_bytes() {
+    let folder = Folder::new();
+    super::sheets::add_textured(&folder);
+    folder.stdout("build a.obj --texture sheets --cluster-triangles 512 -q");
+    let stats = parse(&folder.stdout("stats a.chpm --json"));
+    let raw = Raw(folder.read("a.chpm"));
+    let (first, ..) = raw.section(8);
+    let clusters = raw.clusters();
+    let (mut all_texels, mut all_bytes) = (0, 0);
+    for level in 0..raw.levels().len() as u32 {
+        let own = (0..clusters.len()).filter(|id| clusters[*id].level == level).map(|id| first + 64 * id);
+        let own: Vec<usize> = own.collect();
+        let each = |of: &dyn Fn(usize) -> f64| -> Vec<f64> { own.iter().map(|at| of(*at)).collect() };
+        let texels: u64 =
+            own.iter().map(|at| u64::from(raw.u16(at + 24)) * u64::from(raw.u16(at + 26))).sum();
+        let images: u64 = own.iter().map(|at| u64::from(raw.u32(at + 20))).sum();
+        let bytes = images + own.iter().map(|at| u64::from(raw.u32(at + 16))).sum::<u64>();
+        let expected = json!({
+            "texels": texels,
+            "bytes": bytes,
+            "bits_per_texel": 8.0 * images as f64 / texels as f64,
+            "charts": spread(each(&|at| raw.u32(at + 4).into())),
+            "texel": spread(each(&|at| raw.f32(at + 32).into())),
+        });
+        same(&stats["levels"][level as usize]["sheets"], &expected, &format!("level {level}"));
+        (all_texels, all_bytes) = (all_texels + texels, all_bytes + bytes);
+    }
+    assert_eq!(stats["measures"]["texels"].as_f64(), Some(all_texels as f64));
+    // Each begins at a multiple of eight or so.
+    let told = stats["bytes"]["sheets"].as_u64().expect("a number");
+    assert!((all_bytes..all_bytes + 16 * clusters.len() as u64).contains(&told), "{told}");
+    let table = folder.stdout("stats a.chpm");
+    assert!(table.contains("bits a texel") && table.contains(", sheets "), "{table}");
+    folder.stdout("stats a.chpm -q --assert texels>1000");
 }
 
 #[test]

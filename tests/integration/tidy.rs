@@ -41,7 +41,16 @@ const EDGES: [(&str, &[&str]); 21] = [
     ("chpm-report", &["chpm-mesh", "chpm-extmem", "chpm-format", "chpm-measure", "chpm-refine"]),
     (
         "chpm-verify",
-        &["chpm-mesh", "chpm-import", "chpm-extmem", "chpm-format", "chpm-refine", "chpm-measure"],
+        &[
+            "chpm-mesh",
+            "chpm-import",
+            "chpm-extmem",
+            "chpm-format",
+            "chpm-refine",
+            "chpm-measure",
+            "chpm-image",
+            "chpm-texture",
+        ],
     ),
     (
         "chpm-viewer",

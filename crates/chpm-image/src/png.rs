@@ -36,6 +36,14 @@ impl<R: BufRead + Send> PngRows<R> {
         if depth != BitDepth::Eight || color == ColorType::Indexed {
             return Err(ImageError::Unsupported { what: "this kind of PNG" });
         }
+        // The decoder takes for granted that entries are whole, and 256 at most.
+        let palette =
+            reader.info().palette.as_deref().filter(|_| reader.info().color_type == ColorType::Indexed);
+        if let Some(palette) = palette
+            && !(palette.len().is_multiple_of(3) && (1..=256).contains(&(palette.len() / 3)))
+        {
+            return Err(damaged(&format!("a palette of {} bytes", palette.len())));
+        }
         let channels = color.samples();
         let line = u64::from(size[0]) * 8;
         let all = u64::from(size[0]) * u64::from(size[1]) * channels as u64;

@@ -195,3 +195,30 @@ fn images_that_end_early_are_errors() {
         }
     }
 }
+
+/// A chunk of a PNG.
+fn chunk(kind: &[u8; 4], data: &[u8]) -> Vec<u8> {
+    let mut crc = u32::MAX;
+    for byte in kind.iter().chain(data) {
+        crc ^= u32::from(*byte);
+        (0..8).for_each(|_| crc = if crc & 1 == 1 { 0xedb8_8320 ^ (crc >> 1) } else { crc >> 1 });
+    }
+    [&(data.len() as u32).to_be_bytes(), &kind[..], data, &(!crc).to_be_bytes()].concat()
+}
+
+/// The decoder panics at such, unless it is kept from it.
+#[test]
+fn palettes_that_are_none_are_errors() {
+    let data = picture(9, 5, 1);
+    let good = png([9, 5], png::ColorType::Indexed, BitDepth::Eight, &data);
+    let at = good.windows(4).position(|four| four == b"PLTE").unwrap() - 4;
+    let behind = at + chunk(b"PLTE", &[0; 768]).len();
+    let with = |palette: &[u8]| [&good[..at], &chunk(b"PLTE", palette), &good[behind..]].concat();
+    let all: Vec<u8> = (0..=255u8).flat_map(|i| [i, 255 - i, i / 2]).collect();
+    assert_eq!(with(&all), good);
+    assert!(read(&with(&all[..600]), PLENTY).is_ok());
+    for len in [0, 1, 2, 4, 767, 769, 771, 3000] {
+        let error = read(&with(&vec![7; len]), PLENTY).unwrap_err().to_string();
+        assert!(error.contains("palette") || error.contains("PLTE"), "{len}: {error}");
+    }
+}

@@ -91,6 +91,11 @@ impl Bvh {
         Nearest { distance: best.sqrt(), place }
     }
 
+    /// Corners of what was nearest, in the order in which they came; none where nothing was.
+    pub fn corners_of(&self, nearest: &Nearest) -> Option<[[f32; 3]; 3]> {
+        self.corners.get(nearest.place).copied().filter(|_| nearest.distance.is_finite())
+    }
+
     /// Distance of what was nearest to another point; infinite where nothing was.
     pub(crate) fn distance_of(&self, nearest: Nearest, point: Point3<f64>) -> f64 {
         let corners = self.corners.get(nearest.place);

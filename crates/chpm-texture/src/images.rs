@@ -17,6 +17,11 @@ fn open(image: u32, memory: u64, open_image: &mut OpenImage<'_>) -> Result<Image
     ImageRows::open(bytes, memory).map_err(|source| TextureError::Image { image, source })
 }
 
+/// Width and height of an image.
+pub(crate) fn open_size(image: u32, open_image: &mut OpenImage<'_>) -> Result<[u32; 2], TextureError> {
+    Ok(open(image, u64::MAX, open_image)?.size())
+}
+
 /// Opens an image, if there is memory for its decoder and for what `beside` says of its size.
 pub(crate) fn open_within(
     store: &Store,
@@ -48,7 +53,7 @@ pub enum Images<'a, 'b> {
 impl<'a> Images<'a, '_> {
     fn size(&mut self, image: u32) -> Result<[u32; 2], TextureError> {
         match self {
-            Images::Files(open_image) => Ok(open(image, u64::MAX, open_image)?.size()),
+            Images::Files(open_image) => open_size(image, open_image),
             Images::Tiles(tiles) => Ok(tiles.size(image)),
         }
     }

@@ -14,6 +14,7 @@ mod material;
 mod piece;
 mod shares;
 pub mod sheet;
+mod shown;
 mod srgb;
 mod texels;
 mod tiles;

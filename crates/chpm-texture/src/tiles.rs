@@ -1,38 +1,43 @@
-//! Images cut into tiles, which lie on disk where there is no memory for them, to be read anywhere.
+//! Images cut into tiles, of which those that triangles show are kept: on disk where there is no memory for them, to be read anywhere.
 
 use crate::footprint::inside;
-use crate::images::{OpenImage, open_within};
+use crate::images::{OpenImage, open_size, open_within};
 use crate::sheet::{Pixels, Region, rows};
+use crate::shown::Shown;
 use crate::texels::{Texel, texel};
-use crate::{Material, TextureError, Wrap};
-use chpm_extmem::{Cancel, ExtmemError, Spool, Store};
+use crate::{Material, TextureError, TexturedTriangle, Wrap};
+use chpm_extmem::{Cancel, Column, ExtmemError, Spool, Store};
 use serde::{Deserialize, Serialize};
 
 /// Texels of a tile's side.
 const SIDE: usize = 64;
 const TEXELS: usize = SIDE * SIDE;
 const BYTES: usize = TEXELS * size_of::<[u8; 4]>();
+/// Triangles that are looked at together.
+const AT_ONCE: usize = 1 << 12;
 /// Tiles that a reader has at hand.
 const AT_HAND: usize = 128;
 const NO_TILE: u64 = u64::MAX;
 
-/// All texels of some images.
+/// Texels of some images, as far as triangles show them.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Tiles {
     images: Vec<Grid>,
     texels: Spool,
 }
 
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 struct Grid {
-    size: [u32; 2],
-    /// Tiles from its first row to the next, and before it.
-    columns: u64,
+    /// Tiles from its first row to the next, and tiles of images before.
+    columns: usize,
     first: u64,
+    shown: Shown,
+    /// What stands for texels that nothing shows: the mean of those that are kept.
+    mean: [u8; 4],
 }
 
 impl Tiles {
-    /// Reads `count` images, one after the other, strip by strip.
+    /// Reads `count` images, one after the other, strip by strip, and keeps what `triangles` show through `materials`.
     ///
     /// # Errors
     /// [`TextureError`]: of images, of the disk, or that it was to stop.
@@ -40,18 +45,26 @@ impl Tiles {
         store: &Store,
         count: usize,
         open_image: &mut OpenImage<'_>,
+        triangles: &Column<TexturedTriangle>,
+        materials: &[Material],
         cancel: &Cancel,
     ) -> Result<Self, TextureError> {
+        let sizes = (0..count as u32).map(|image| {
+            cancel.check()?;
+            open_size(image, open_image)
+        });
+        let sizes: Vec<[u32; 2]> = sizes.collect::<Result<_, TextureError>>()?;
+        let shown = shown(&sizes, triangles, materials, cancel)?;
+
         let texels = Spool::named(store, "texels of images", "texels-of-images");
         let (mut images, mut first) = (Vec::new(), 0);
         let (mut pixels, mut tile) = (Vec::new(), vec![[0; 4]; TEXELS]);
-        for image in 0..count as u32 {
+        for (image, shown) in (0..).zip(shown) {
             let strip = |[width, _]: [u32; 2]| u64::from(width) * (SIDE * size_of::<[u8; 4]>()) as u64;
             let (mut rows, _memory) = open_within(store, image, strip, open_image)?;
-            let size = rows.size();
-            let width = size[0] as usize;
-            let columns = width.div_ceil(SIDE) as u64;
-            images.push(Grid { size, columns, first });
+            let width = rows.size()[0] as usize;
+            let columns = width.div_ceil(SIDE);
+            let (mut number, mut kept, mut sums) = (0, 0, [0u64; 5]);
             loop {
                 cancel.check()?;
                 let read = rows.read_rows(SIDE, &mut pixels);
@@ -60,29 +73,37 @@ impl Tiles {
                     break;
                 }
                 for column in (0..width).step_by(SIDE) {
+                    number += 1;
+                    if shown.place(number - 1).is_none() {
+                        continue;
+                    }
                     for (row, out) in tile.chunks_exact_mut(SIDE).enumerate().take(height) {
                         let begin = row * width + column;
                         let some = &pixels[begin..begin + SIDE.min(width - column)];
                         out[..some.len()].copy_from_slice(some);
+                        some.iter().for_each(|pixel| add(&mut sums, *pixel));
                     }
                     texels.append(bytemuck::cast_slice(&tile))?;
-                    first += 1;
+                    kept += 1;
                 }
             }
+            let mean = [0, 1, 2, 3].map(|part| (sums[part] / sums[4].max(1)) as u8);
+            images.push(Grid { columns, first, shown, mean });
+            first += kept;
         }
         Ok(Tiles { images, texels })
     }
 
     /// Width and height of an image.
     pub fn size(&self, image: u32) -> [u32; 2] {
-        self.images[image as usize].size
+        self.images[image as usize].shown.size()
     }
 
     /// The rows of an image, from the top.
     pub(crate) fn rows(&self, image: u32) -> TileRows<'_> {
         TileRows {
             tiles: self,
-            grid: self.images[image as usize],
+            grid: &self.images[image as usize],
             done: 0,
             band: Vec::new(),
             tile: vec![0; BYTES],
@@ -90,10 +111,46 @@ impl Tiles {
     }
 }
 
+fn add(sums: &mut [u64; 5], [r, g, b, a]: [u8; 4]) {
+    for (sum, part) in sums.iter_mut().zip([r, g, b, a, 1]) {
+        *sum += u64::from(part);
+    }
+}
+
+/// By image, what triangles show of it.
+fn shown(
+    sizes: &[[u32; 2]],
+    triangles: &Column<TexturedTriangle>,
+    materials: &[Material],
+    cancel: &Cancel,
+) -> Result<Vec<Shown>, TextureError> {
+    let mut shown: Vec<Shown> = sizes.iter().map(|size| Shown::none(*size, SIDE as u32)).collect();
+    let mut scratch = Vec::new();
+    for start in (0..triangles.len()).step_by(AT_ONCE) {
+        cancel.check()?;
+        let range = start..triangles.len().min(start + AT_ONCE);
+        for triangle in triangles.read(range, &mut scratch)? {
+            let Some(material) = materials.get(triangle.material as usize) else { continue };
+            if let Some(of) = material.image.and_then(|image| shown.get_mut(image as usize)) {
+                of.add(triangle, material);
+            }
+        }
+    }
+    shown.iter_mut().for_each(Shown::count);
+    Ok(shown)
+}
+
+impl Grid {
+    /// Which of the tiles that are kept the one at a column and row is; none if nothing shows it.
+    fn tile(&self, [column, row]: [usize; 2]) -> Option<u64> {
+        Some(self.first + self.shown.place((row * self.columns + column) as u64)?)
+    }
+}
+
 /// Rows of an image out of its tiles.
 pub(crate) struct TileRows<'a> {
     tiles: &'a Tiles,
-    grid: Grid,
+    grid: &'a Grid,
     /// Rows that were handed out.
     done: usize,
     /// Rows of the tiles that the next one is of.
@@ -104,12 +161,12 @@ pub(crate) struct TileRows<'a> {
 impl TileRows<'_> {
     /// Bytes that it holds.
     pub(crate) fn memory(&self) -> u64 {
-        u64::from(self.grid.size[0]) * (SIDE * size_of::<[u8; 4]>()) as u64 + BYTES as u64
+        u64::from(self.grid.shown.size()[0]) * (SIDE * size_of::<[u8; 4]>()) as u64 + BYTES as u64
     }
 
     /// Replaces `out` by the next rows, at most `count` of them, and answers how many there are.
     pub(crate) fn read(&mut self, count: usize, out: &mut Vec<[u8; 4]>) -> Result<usize, ExtmemError> {
-        let [width, height] = self.grid.size.map(|side| side as usize);
+        let [width, height] = self.grid.shown.size().map(|side| side as usize);
         out.clear();
         let begin = self.done;
         while self.done < height.min(begin + count) {
@@ -124,13 +181,13 @@ impl TileRows<'_> {
     }
 
     fn read_band(&mut self) -> Result<(), ExtmemError> {
-        let Grid { size: [width, _], columns, first } = self.grid;
-        let width = width as usize;
-        self.band.resize(width * SIDE, [0; 4]);
-        for column in 0..columns {
-            let number = first + (self.done / SIDE) as u64 * columns + column;
+        let width = self.grid.shown.size()[0] as usize;
+        self.band.clear();
+        self.band.resize(width * SIDE, self.grid.mean);
+        for column in 0..self.grid.columns {
+            let Some(number) = self.grid.tile([column, self.done / SIDE]) else { continue };
             self.tiles.texels.read_exact(number * BYTES as u64, &mut self.tile)?;
-            let begin = column as usize * SIDE;
+            let begin = column * SIDE;
             let count = SIDE.min(width - begin);
             for (row, texels) in self.tile.as_chunks().0.chunks_exact(SIDE).enumerate() {
                 self.band[row * width + begin..][..count].copy_from_slice(&texels[..count]);
@@ -160,10 +217,9 @@ impl<'a> TileReader<'a> {
         TileReader { tiles, materials, which: vec![NO_TILE; AT_HAND], texels, bytes: vec![0; BYTES] }
     }
 
-    /// Texels of the tile at a column and row of tiles.
-    fn tile(&mut self, grid: &Grid, column: u64, row: u64) -> Result<&[Texel], ExtmemError> {
-        let number = grid.first + row * grid.columns + column;
-        let place = (column % 16 + row % 8 * 16) as usize;
+    /// Texels of a tile that is kept, which is at a column and row of tiles.
+    fn tile(&mut self, number: u64, [column, row]: [usize; 2]) -> Result<&[Texel], ExtmemError> {
+        let place = column % 16 + row % 8 * 16;
         let texels = &mut self.texels[place * TEXELS..][..TEXELS];
         if self.which[place] != number {
             self.which[place] = NO_TILE;
@@ -178,9 +234,11 @@ impl<'a> TileReader<'a> {
 
     fn texel(&mut self, grid: &Grid, [column, row]: [i64; 2], wrap: [Wrap; 2]) -> Result<Texel, ExtmemError> {
         let [x, y] = [(column, 0), (row, 1)]
-            .map(|(at, axis)| inside(at, i64::from(grid.size[axis]), wrap[axis]) as usize);
-        let tile = self.tile(grid, (x / SIDE) as u64, (y / SIDE) as u64)?;
-        Ok(tile[y % SIDE * SIDE + x % SIDE])
+            .map(|(at, axis)| inside(at, i64::from(grid.shown.size()[axis]), wrap[axis]) as usize);
+        match grid.tile([x / SIDE, y / SIDE]) {
+            Some(number) => Ok(self.tile(number, [x / SIDE, y / SIDE])?[y % SIDE * SIDE + x % SIDE]),
+            None => Ok(texel(&grid.mean)),
+        }
     }
 }
 
@@ -195,17 +253,20 @@ impl Pixels for TileReader<'_> {
         let Material { image: Some(image), wrap, .. } = self.materials[material as usize] else {
             return Ok(room.each_ref());
         };
-        let grid = self.tiles.images[image as usize];
-        let [width, height] = grid.size.map(i64::from);
+        let tiles = self.tiles;
+        let grid = &tiles.images[image as usize];
+        let [width, height] = grid.shown.size().map(i64::from);
         let in_one = |at: i64, side: i64| at >= 0 && at + 4 <= side && at as usize % SIDE <= SIDE - 4;
         if in_one(column, width) && in_one(row, height) {
             let (x, y) = (column as usize, row as usize);
-            let tile = self.tile(&grid, (x / SIDE) as u64, (y / SIDE) as u64)?;
-            return Ok(rows(tile, y % SIDE * SIDE + x % SIDE, SIDE));
+            if let Some(number) = grid.tile([x / SIDE, y / SIDE]) {
+                let tile = self.tile(number, [x / SIDE, y / SIDE])?;
+                return Ok(rows(tile, y % SIDE * SIDE + x % SIDE, SIDE));
+            }
         }
         for (line, out) in (row..).zip(room.iter_mut()) {
             for (at, out) in (column..).zip(out) {
-                *out = self.texel(&grid, [at, line], wrap)?;
+                *out = self.texel(grid, [at, line], wrap)?;
             }
         }
         Ok(room.each_ref())
@@ -215,6 +276,7 @@ impl Pixels for TileReader<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use chpm_extmem::BufferWriter;
     use std::io::{self, BufRead, Cursor};
 
     fn image(width: u32, height: u32) -> Vec<u8> {
@@ -225,6 +287,49 @@ mod tests {
             (0..width * height).flat_map(|at| [(at % width) as u8, (at / width) as u8, 9]).collect();
         encoder.write_header().unwrap().write_image_data(&pixels).unwrap();
         bytes
+    }
+
+    /// Triangles of one material after the other, with the corners of their coordinates' boxes.
+    fn triangles(store: &Store, boxes: &[[[f32; 2]; 2]]) -> Column<TexturedTriangle> {
+        let mut column = BufferWriter::new(store, "triangles", 0).unwrap();
+        for (material, [[u0, v0], [u1, v1]]) in (0..).zip(boxes) {
+            let uv = [[*u0, *v0], [*u1, *v0], [*u0, *v1]];
+            column.extend_from_slice(&[TexturedTriangle { vertices: [0; 3], uv, material }]).unwrap();
+        }
+        column.finish_column().unwrap()
+    }
+
+    #[test]
+    fn what_nothing_shows_is_not_kept_and_has_the_mean_of_the_rest() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::create(dir.path(), 64 << 20).unwrap();
+        let mut open =
+            |_: u32| -> io::Result<Box<dyn BufRead + Send>> { Ok(Box::new(Cursor::new(image(250, 130)))) };
+        let materials = [Material { image: Some(0), factor: [1.0; 4], wrap: [Wrap::Clamp; 2] }];
+        // In the second tile of the first row, and far from its sides.
+        let shown =
+            triangles(&store, &[[[90.0 / 250.0, 1.0 - 30.0 / 130.0], [92.0 / 250.0, 1.0 - 32.0 / 130.0]]]);
+        let tiles = Tiles::read(&store, 1, &mut open, &shown, &materials, &Cancel::default()).unwrap();
+        assert_eq!(tiles.texels.len(), BYTES as u64);
+        let mean = [95, 31, 9, 255];
+        let mut reader = TileReader::new(&tiles, &materials);
+        let mut room = Region::default();
+        let mut at =
+            |column: i64, row: i64| reader.region(0, column, row, &mut room).unwrap().map(|row| *row);
+        assert_eq!(at(90, 30)[1][2], texel(&[92, 31, 9, 255]));
+        assert_eq!(at(190, 30), [[texel(&mean); 4]; 4]);
+        // Over the side of a tile that is there.
+        assert_eq!(
+            at(126, 9)[0],
+            [[126, 9, 9, 255], [127, 9, 9, 255], mean, mean].map(|pixel| texel(&pixel))
+        );
+
+        let (mut rows, mut all) = (tiles.rows(0), Vec::new());
+        assert_eq!(rows.read(200, &mut all).unwrap(), 130);
+        assert_eq!(
+            (all[20 * 250 + 64], all[20 * 250 + 63], all[100 * 250 + 90]),
+            ([64, 20, 9, 255], mean, mean)
+        );
     }
 
     #[test]
@@ -242,7 +347,8 @@ mod tests {
             let store =
                 Store::with_budget(dir.path(), chpm_extmem::MemoryBudget::with_work_limit(limit, 64 << 20))
                     .unwrap();
-            let tiles = Tiles::read(&store, 3, &mut open, &Cancel::default()).unwrap();
+            let shown = triangles(&store, &[[[0.0; 2], [1.0; 2]]; 3]);
+            let tiles = Tiles::read(&store, 3, &mut open, &shown, &materials, &Cancel::default()).unwrap();
             let mut reader = TileReader::new(&tiles, &materials);
             let mut room = Region::default();
             for (number, [width, height]) in (0..).zip(sizes) {

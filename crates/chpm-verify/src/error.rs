@@ -83,6 +83,26 @@ pub enum VerifyError {
         /// The highest that there is.
         highest: usize,
     },
+    /// The file has no sheets.
+    #[error("'{}' has no sheets: it was built without images, or with another --texture than sheets", path.display())]
+    NoSheets {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The source has no images.
+    #[error("'{}' has no image that could be read", path.display())]
+    NoImages {
+        /// The source.
+        path: PathBuf,
+    },
+    /// An image could not be read.
+    #[error("{image}: {reason}")]
+    Image {
+        /// Which.
+        image: String,
+        /// Cause.
+        reason: String,
+    },
     /// There is too little memory for the tables of a file.
     #[error("--memory {asked} is less than it takes to read '{}' so: give it {least} or more", path.display())]
     Memory {

@@ -1,7 +1,7 @@
 //! Judges `.chpm` files: whether the leaves are the source's triangles, whether cuts have cracks, and how far meshes are from the source,
 //! sampled and proven.
 //!
-//! [`verify()`] does what `chpm verify` does and [`measure()`] what `chpm measure` does; the modules below are their parts. What is wrong with
+//! [`verify()`] does what `chpm verify` does, [`measure()`] and [`measure_texture()`] what `chpm measure` does; the modules below are their parts. What is wrong with
 //! a file is a finding. Errors are reasons why it could not be judged.
 //!
 //! ```
@@ -34,9 +34,11 @@ mod error;
 pub mod measure;
 pub mod memory;
 mod points;
+pub mod texture;
 mod verification;
 
 pub use error::VerifyError;
 pub use measure::{Measured, Measures, measure};
 pub use points::Points;
+pub use texture::{LevelTexture, TextureMeasures, measure_texture};
 pub use verification::{Checks, Verification, describe, verify};

@@ -28,7 +28,7 @@ impl Texels {
         Ok(Texels { averager, painted, kept })
     }
 
-    /// Those that were kept, and the texels of all images.
+    /// Those that were kept, and what they show of all images.
     pub(super) fn kept(
         &mut self,
         textures: &Textures,
@@ -36,11 +36,12 @@ impl Texels {
         context: &Context<'_>,
     ) -> Result<Option<(Column<TexturedTriangle>, Tiles)>, BuildError> {
         let Some(kept) = self.kept.take() else { return Ok(None) };
-        let images = &textures.images;
+        let (kept, images) = (kept.finish_column()?, &textures.images);
         let mut open = |image: u32| images[image as usize].open();
-        let tiles = Tiles::read(&context.store, images.len(), &mut open, &context.cancel);
+        let materials = &textures.materials;
+        let tiles = Tiles::read(&context.store, images.len(), &mut open, &kept, materials, &context.cancel);
         let tiles = tiles.map_err(|error| failed(error, |image| named(textures, supply, image)))?;
-        Ok(Some((kept.finish_column()?, tiles)))
+        Ok(Some((kept, tiles)))
     }
 
     /// Takes triangles of so many vertices up to now.

@@ -3,6 +3,7 @@
 mod boxes;
 mod measured;
 mod page;
+mod sheets;
 mod spread;
 pub mod worst;
 
@@ -15,6 +16,7 @@ use chpm_format::{Chpm, ClusterRecord};
 pub use page::{Borders, CACHES, MEMORY, PageStats};
 use serde::Serialize;
 use serde_json::{Map, Value};
+pub use sheets::SheetStats;
 pub use spread::Spread;
 use worst::Worst;
 
@@ -78,6 +80,8 @@ pub struct LevelStats {
     acmr32: f64,
     /// How far apart the ends of an edge are in the list of vertices, in the mean.
     pub edge_span: f64,
+    /// Its clusters' sheets, in a file that has some.
+    pub sheets: Option<SheetStats>,
     /// Stored by measured distance; with `--measured` alone.
     pub tightness: Option<Value>,
 }
@@ -101,6 +105,7 @@ pub struct ByteStats {
     tables: u64,
     pages: u64,
     padding: u64,
+    sheets: u64,
     per_triangle: f64,
     parts: Map<String, Value>,
 }
@@ -125,7 +130,9 @@ impl ByteStats {
     pub fn all(&self) -> impl Iterator<Item = (String, f64)> {
         let parts =
             self.parts.iter().map(|(part, bytes)| (part.replace('_', " "), bytes.as_f64().unwrap_or(0.0)));
-        parts.chain([("tables".to_owned(), self.tables as f64), ("padding".to_owned(), self.padding as f64)])
+        let [tables, padding, sheets] = [self.tables, self.padding, self.sheets].map(|bytes| bytes as f64);
+        let names = ["tables", "padding", "sheets"].map(str::to_owned);
+        parts.chain(names.into_iter().zip([tables, padding, sheets]))
     }
 }
 
@@ -176,6 +183,7 @@ impl Stats {
             tables: sizes.tables,
             pages: sizes.pages,
             padding: sizes.padding,
+            sheets: sizes.sheets,
             per_triangle: per_triangle(sizes.file, file.header().source_triangle_count),
             parts: parts(rows.iter()),
         };
@@ -244,7 +252,9 @@ impl Stats {
             (format!("acmr{size}"), Some(by(misses, all)))
         });
         let span = Some(by(rows.iter().map(|row| row.page.span).sum(), 3 * all));
-        let measures = plain.chain(acmrs).chain([("edge_span".to_owned(), span)]);
+        let texels = self.levels.iter().map(|level| level.sheets.map(|sheets| sheets.texels as f64)).sum();
+        let measures =
+            plain.chain(acmrs).chain([("edge_span".to_owned(), span), ("texels".to_owned(), texels)]);
         measures.filter_map(|(name, value)| Some((name, value?.into()))).collect()
     }
 }
@@ -287,6 +297,7 @@ impl LevelStats {
             acmr24,
             acmr32,
             edge_span: by(own.iter().map(|row| row.page.span).sum(), 3 * record.triangle_count),
+            sheets: SheetStats::of(file, &own),
             tightness: None,
         }
     }

@@ -383,7 +383,7 @@ impl<D: AsRef<[u8]>> Stored<'_, D> {
 }
 
 /// A coordinate as a file has it, on a lattice of this step if there is one.
-fn stored(x: f64, step: Option<f64>) -> f32 {
+pub(crate) fn stored(x: f64, step: Option<f64>) -> f32 {
     match step {
         // There is one zero on a lattice.
         Some(step) => ((x / step).round_ties_even() * step) as f32 + 0.0,
