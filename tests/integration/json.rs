@@ -145,7 +145,7 @@ fn every_key_is_documented_and_appears() {
     runs.push(("share", "share in.chpm -o shared -q --json", 0));
     #[cfg(feature = "viewer")]
     runs.extend([
-        ("render", "render in.chpm --viewport 40x30 -o a.png --json", 0),
+        ("render", "render in.chpm --viewport 40x30 -o drawn.png --json", 0),
         ("still", "render in.chpm --rays --viewport 40x30 -q -o r.png --json", 0),
         ("walk-render", "walk in.chpm in.path --render --viewport 40x30 -q --json", 0),
         ("walk-prove", "walk in.chpm in.path --render --prove --viewport 40x30 -q --json", 0),

@@ -1,5 +1,7 @@
 //! `textured_pictures SIDE FOLDER MESH...`: pictures of meshes from six sides, `SIDE` pixels, and how near those of all others are to those of the first.
 //! `FILE.chpm@LEVEL` is a level of a file at its finest, `FILE.chpm@LEVEL-base` at its coarsest, with sheets; `colors:` in front takes colours of vertices.
+//! `FILE.chpm@LEVEL-half` is the level at its coarsest on one side of the middle and two levels below on the other, as far as groups allow: then how far pixels within
+//! three of borders of clusters that are two levels apart are from the first mesh, beside all others.
 //! A rasteriser of its own: it shares the readers with what it judges, and no more.
 
 use chpm_extmem::{Cancel, FailPoints, MappedFile, MemoryBudget, Store};
@@ -7,8 +9,9 @@ use chpm_format::Chpm;
 use chpm_image::{ImageRows, encode};
 use chpm_import::ply::{BatchKind, Options};
 use chpm_import::{Images, Input, Supply};
-use chpm_mesh::{ClusterId, Places};
+use chpm_mesh::{ClusterId, GroupId, Places};
 use chpm_texture::{Material, TexturedTriangle, Wrap};
+use std::collections::BTreeMap;
 use std::error::Error;
 use std::fs;
 use std::io::Cursor;
@@ -25,7 +28,12 @@ struct Mesh {
     textured: Vec<TexturedTriangle>,
     materials: Vec<Material>,
     images: Vec<(Vec<[u8; 4]>, [usize; 2])>,
+    /// By textured triangle, its cluster and that one's level.
+    clusters: Vec<(u32, u32)>,
 }
+
+/// Colours, what is seen, and which triangle.
+type Picture = (Vec<[f64; 3]>, Vec<bool>, Vec<u32>);
 
 fn read(path: &Path) -> Result<Mesh, Box<dyn Error>> {
     let folder = std::env::temp_dir();
@@ -57,15 +65,50 @@ fn read(path: &Path) -> Result<Mesh, Box<dyn Error>> {
     Ok(mesh)
 }
 
+/// Clusters of a legal cut: a level on one side of the middle, two levels below on the other.
+fn halves(file: &Chpm<MappedFile>, level: u32) -> Vec<ClusterId> {
+    let header = file.header();
+    let middle = (header.aabb().min[0] + header.aabb().max[0]) / 2.0;
+    let mut is_there = vec![false; file.clusters().len()];
+    file.roots().for_each(|root| is_there[root.index()] = true);
+    loop {
+        let split = (0..file.groups().len() as u32).map(GroupId).find(|group| {
+            let coarse = file.coarse(*group);
+            let of_group = || coarse.iter().map(|id| &file.clusters()[*id as usize]);
+            let goal = if of_group().any(|record| record.center[0] < middle) {
+                level.saturating_sub(2)
+            } else {
+                level
+            };
+            coarse.iter().all(|id| is_there[*id as usize])
+                && !file.fine(*group).is_empty()
+                && of_group().all(|record| record.level > goal)
+        });
+        let Some(split) = split else { break };
+        file.coarse(split).iter().for_each(|id| is_there[*id as usize] = false);
+        file.fine(split).iter().for_each(|id| is_there[*id as usize] = true);
+    }
+    (0..).map(ClusterId).zip(is_there).filter(|(_, is_there)| *is_there).map(|(id, _)| id).collect()
+}
+
 /// Clusters of a level, with their sheets or with colours of vertices.
 fn read_level(path: &str, level: &str, with_sheets: bool) -> Result<Mesh, Box<dyn Error>> {
     let file = Chpm::open(MappedFile::open(path.as_ref())?)?;
-    let (level, is_base) = level.strip_suffix("-base").map_or((level, false), |level| (level, true));
-    let level: u32 = level.parse()?;
+    let (level, kind) = level.split_once('-').unwrap_or((level, ""));
+    let (level, is_base): (u32, bool) = (level.parse()?, !kind.is_empty());
     let mut mesh = Mesh::default();
     let origin = file.header().origin;
-    for (id, record) in (0..).map(ClusterId).zip(file.clusters()).filter(|(_, record)| record.level == level)
-    {
+    let ids = match kind {
+        "half" => halves(&file, level),
+        _ => (0..)
+            .map(ClusterId)
+            .zip(file.clusters())
+            .filter(|(_, record)| record.level == level)
+            .map(|(id, _)| id)
+            .collect(),
+    };
+    for id in ids {
+        let record = &file.clusters()[id.index()];
         let page = file.page(id)?;
         let page = page.view();
         let first = mesh.positions.len() as u32;
@@ -91,6 +134,7 @@ fn read_level(path: &str, level: &str, with_sheets: bool) -> Result<Mesh, Box<dy
                     [(x / width) as f32, (1.0 - y / height) as f32]
                 });
                 mesh.textured.push(TexturedTriangle { vertices, uv, material: mesh.materials.len() as u32 });
+                mesh.clusters.push((id.0, record.level));
             }
         }
         if let Some(sheet) = &sheet {
@@ -191,12 +235,7 @@ impl Mesh {
     }
 
     /// A picture along an axis: colours, and whether anything is seen.
-    fn picture(
-        &self,
-        view: usize,
-        (low, high): ([f64; 3], [f64; 3]),
-        side: usize,
-    ) -> (Vec<[f64; 3]>, Vec<bool>) {
+    fn picture(&self, view: usize, (low, high): ([f64; 3], [f64; 3]), side: usize) -> Picture {
         let table: [f64; 256] = std::array::from_fn(|value| light(value as f64 / 255.0));
         let (axis, sign) = (view / 2, if view.is_multiple_of(2) { 1.0 } else { -1.0 });
         let (right, down) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -209,7 +248,8 @@ impl Mesh {
         };
         let mut depth = vec![f64::NEG_INFINITY; fine * fine];
         let mut lights = vec![[0.0; 3]; fine * fine];
-        let mut draw = |corners: [u32; 3], shade: &dyn Fn([f64; 3]) -> [f64; 3]| {
+        let mut which = vec![u32::MAX; fine * fine];
+        let mut draw = |number: u32, corners: [u32; 3], shade: &dyn Fn([f64; 3]) -> [f64; 3]| {
             let [a, b, c] = corners.map(|v| flat(self.positions[v as usize]));
             let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
             if area == 0.0 {
@@ -233,12 +273,13 @@ impl Mesh {
                 if z > depth[y * fine + x] {
                     depth[y * fine + x] = z;
                     lights[y * fine + x] = shade(parts);
+                    which[y * fine + x] = number;
                 }
             }
         };
-        for triangle in &self.textured {
+        for (number, triangle) in (0..).zip(&self.textured) {
             let Some(material) = self.materials.get(triangle.material as usize) else { continue };
-            draw(triangle.vertices, &|parts| {
+            draw(number, triangle.vertices, &|parts| {
                 let uv = [0, 1].map(|i| (0..3).map(|c| parts[c] * f64::from(triangle.uv[c][i])).sum());
                 self.texel(material, uv, &table)
             });
@@ -246,29 +287,72 @@ impl Mesh {
         if self.textured.is_empty() {
             for triangle in &self.triangles {
                 let colors = triangle.map(|v| self.colors.get(v as usize).copied().unwrap_or([128; 4]));
-                draw(*triangle, &|parts| {
+                draw(u32::MAX, *triangle, &|parts| {
                     [0, 1, 2].map(|i| (0..3).map(|c| parts[c] * table[usize::from(colors[c][i])]).sum())
                 });
             }
         }
-        let (mut picture, mut seen) = (Vec::new(), Vec::new());
+        let (mut picture, mut seen, mut middle) = (Vec::new(), Vec::new(), Vec::new());
         for (y, x) in (0..side).flat_map(|y| (0..side).map(move |x| (y, x))) {
             let all: Vec<usize> =
                 (0..FINE * FINE).map(|i| (y * FINE + i / FINE) * fine + x * FINE + i % FINE).collect();
             seen.push(all.iter().all(|at| depth[*at] > f64::NEG_INFINITY));
+            middle.push(which[all[all.len() / 2]]);
             let sum = [0, 1, 2].map(|i| all.iter().map(|at| lights[*at][i]).sum::<f64>());
             picture.push(sum.map(|sum| srgb(sum / (FINE * FINE) as f64) * 255.0));
         }
-        (picture, seen)
+        (picture, seen, middle)
+    }
+
+    /// Pixels within three of a border of clusters that are two levels apart or more.
+    fn near_borders(&self, picture: &Picture, side: usize) -> Vec<bool> {
+        let level = |x: usize, y: usize| self.clusters.get(picture.2[y * side + x] as usize).map(|of| of.1);
+        let mut near = vec![false; side * side];
+        for (y, x) in (0..side - 1).flat_map(|y| (0..side - 1).map(move |x| (y, x))) {
+            let Some(own) = level(x, y) else { continue };
+            let apart = [(x + 1, y), (x, y + 1)]
+                .iter()
+                .any(|(x, y)| level(*x, *y).is_some_and(|l| l.abs_diff(own) > 1));
+            if apart {
+                for (y, x) in (y.saturating_sub(3)..side.min(y + 4))
+                    .flat_map(|y| (x.saturating_sub(3)..side.min(x + 4)).map(move |x| (y, x)))
+                {
+                    near[y * side + x] = true;
+                }
+            }
+        }
+        near
+    }
+}
+
+/// Squares of differences elsewhere and near borders: sums, and of how many pixels.
+#[derive(Clone, Copy, Default)]
+struct Borders {
+    sums: [f64; 2],
+    counts: [usize; 2],
+}
+
+impl Borders {
+    fn add(&mut self, a: &Picture, b: &Picture, near: &[bool]) {
+        for at in (0..near.len()).filter(|at| a.1[*at] && b.1[*at]) {
+            let square = (0..3).map(|i| (a.0[at][i] - b.0[at][i]).powi(2)).sum::<f64>() / 3.0;
+            self.sums[usize::from(near[at])] += square;
+            self.counts[usize::from(near[at])] += 1;
+        }
+    }
+
+    fn print(&self, what: &str) {
+        let rms = |i: usize| (self.sums[i] / self.counts[i].max(1) as f64).sqrt();
+        let (near, elsewhere, count) = (rms(1), rms(0), self.counts[1]);
+        println!(
+            "{what}: {near:.2} of 255 in {count} pixels near borders, {elsewhere:.2} elsewhere: {:.2}",
+            near / elsewhere
+        );
     }
 }
 
 /// PSNR over what both see, and the mean SSIM of squares of 8 pixels.
-fn nearness(
-    a: &(Vec<[f64; 3]>, Vec<bool>),
-    b: &(Vec<[f64; 3]>, Vec<bool>),
-    side: usize,
-) -> Option<(f64, f64, f64)> {
+fn nearness(a: &Picture, b: &Picture, side: usize) -> Option<(f64, f64, f64)> {
     let both: Vec<bool> = a.1.iter().zip(&b.1).map(|(a, b)| *a && *b).collect();
     let count = both.iter().filter(|both| **both).count();
     let either = a.1.iter().zip(&b.1).filter(|(a, b)| **a || **b).count();
@@ -324,6 +408,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let (texels, bytes) = mesh.used()?;
         println!("{name}: {texels} texels shown, {bytes} bytes as JPEG");
     }
+    let mut borders: BTreeMap<&String, Borders> = BTreeMap::new();
     for view in 0..6 {
         let mut pictures = Vec::new();
         for (number, mesh) in meshes.iter().enumerate() {
@@ -342,7 +427,14 @@ fn main() -> Result<(), Box<dyn Error>> {
             fs::write(folder.join(format!("view{view}-{number}.png")), image.bytes)?;
             pictures.push(picture);
         }
-        for (other, picture) in others.iter().zip(&pictures[1..]) {
+        for ((other, picture), mesh) in others.iter().zip(&pictures[1..]).zip(&meshes[1..]) {
+            if other.ends_with("-half") {
+                let (mut own, near) = (Borders::default(), mesh.near_borders(picture, side));
+                own.add(&pictures[0], picture, &near);
+                own.print(&format!("view {view} {other}"));
+                let all = borders.entry(other).or_default();
+                all.add(&pictures[0], picture, &near);
+            }
             if let Some((psnr, ssim, share)) = nearness(&pictures[0], picture, side) {
                 println!(
                     "view {view} {other}: PSNR {psnr:.2} dB, SSIM {ssim:.4}, {:.2} % in both",
@@ -351,5 +443,6 @@ fn main() -> Result<(), Box<dyn Error>> {
             }
         }
     }
+    borders.iter().for_each(|(other, borders)| borders.print(&format!("all views {other}")));
     Ok(())
 }

@@ -32,7 +32,7 @@ struct Grid {
     columns: usize,
     first: u64,
     shown: Shown,
-    /// What stands for texels that nothing shows: the mean of those that are kept.
+    /// Colour of texels that nothing shows: the mean of those that are kept.
     mean: [u8; 4],
 }
 

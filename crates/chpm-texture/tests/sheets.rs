@@ -1,8 +1,8 @@
 //! Plans of sheets and what is baked, on generated surfaces: by what they have to keep, whatever charts there are.
 
 use chpm_mesh::{Chart, ProgressiveMesh};
-use chpm_texture::TextureError;
 use chpm_texture::sheet::{Paint, Pixels, Plan, Region, Surface, Texel};
+use chpm_texture::{TextureError, linear_texel};
 
 /// No image is ever read.
 struct Nothing;
@@ -245,8 +245,63 @@ fn odd_surfaces_have_plans() {
         let plan = mesh.plan();
         println!("{name}: {} charts, {:?}", plan.charts.len(), plan.size);
         mesh.check(&plan);
+        let (paints, texels) = (
+            vec![Paint::Colors([[200; 4]; 3]); mesh.triangles.len()],
+            vec![mesh.texel; mesh.triangles.len()],
+        );
+        let baked = plan.bake(&mesh.surface(&texels), &paints, &mut Nothing).expect("texels");
+        assert!(baked.iter().all(|texel| *texel == [200; 4]), "{name}: a texel that nothing painted");
     }
     sides.check_colors(&sides.plan());
+}
+
+/// Images of one colour each.
+struct Plain;
+
+impl Pixels for Plain {
+    fn region<'a>(
+        &'a mut self,
+        image: u32,
+        _: i64,
+        _: i64,
+        room: &'a mut Region,
+    ) -> Result<[&'a [Texel; 4]; 4], TextureError> {
+        *room = [[linear_texel(&[10 * image as u8, 200, 90, 255]); 4]; 4];
+        Ok(room.each_ref())
+    }
+}
+
+/// Specks far smaller than a texel, each a chart of its own: none has the middle of one, and all have their colours.
+#[test]
+fn what_is_smaller_than_a_texel_has_its_colour() {
+    let mut mesh = Mesh { texel: 1.0, ..Mesh::default() };
+    for speck in 0..20_u16 {
+        let x = f32::from(speck) * 9.0;
+        mesh.positions.extend([[x, 0.0, 0.0], [x + 0.004, 0.0, 0.0], [x, 0.004, 0.001]]);
+        mesh.triangles.push([0, 1, 2].map(|corner| 3 * speck + corner));
+    }
+    let plan = mesh.plan();
+    mesh.check(&plan);
+    for is_image in [true, false] {
+        let paint = |speck: u32| match is_image {
+            true => Paint::Image {
+                image: speck + 1,
+                corners: [[3.0; 2], [9.0, 3.0], [3.0, 7.0]],
+                factor: [255; 4],
+            },
+            false => Paint::Colors([[10 * (speck as u8 + 1), 200, 90, 255]; 3]),
+        };
+        let paints: Vec<Paint> = (0..20).map(paint).collect();
+        let texels = vec![mesh.texel; 20];
+        let baked = plan.bake(&mesh.surface(&texels), &paints, &mut Plain).expect("texels");
+        for (speck, corners) in (1..).zip(&mesh.triangles) {
+            let chart = &plan.charts[usize::from(plan.chart_of[speck - 1])];
+            for [x, y] in mesh.places(&plan, chart, *corners) {
+                let found = baked[y as usize * plan.size[0] as usize + x as usize];
+                assert_eq!(found, [10 * speck as u8, 200, 90, 255], "{speck}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -19,6 +19,8 @@ const SEEN: f64 = 0.1;
 const BAND: u32 = 1 << 17;
 /// Texels of an image that are near each other.
 const NEAR: f64 = 64.0;
+/// Parts that each edge of a triangle without a texel of its own is cut into, for samples.
+const CUTS: u32 = 4;
 /// Where nothing is needed.
 const NONE: u32 = u32::MAX;
 
@@ -69,9 +71,7 @@ impl Brush {
         Some(match paint {
             Paint::Image { image, corners, factor } => {
                 let [x, y] = [0, 1].map(|axis| Slope::of(places, corners.map(|corner| corner[axis])));
-                let [r, g, b, a] = factor.map(|part| f64::from(part) / 255.0);
-                let factor = [light(r), light(g), light(b), a].map(|part| part as f32);
-                let (x, y) = (x?, y?);
+                let (factor, x, y) = (tint(*factor), x?, y?);
                 let sides = [[x.right, y.right], [x.down, y.down]];
                 let counts = sides.map(|[dx, dy]| {
                     ((dx * dx + dy * dy).sqrt() / SAMPLED).ceil().clamp(1.0, MOST_SAMPLES) as u32
@@ -113,6 +113,35 @@ impl Brush {
             Brush::Colors(slopes) => Ok(slopes
                 .each_ref()
                 .map(|slope| (slope.at([column + 0.5, row + 0.5]) + 0.5).clamp(0.0, 255.0) as u8)),
+        }
+    }
+}
+
+/// A factor as light.
+fn tint(factor: [u8; 4]) -> [f32; 4] {
+    let [r, g, b, a] = factor.map(|part| f64::from(part) / 255.0);
+    [light(r), light(g), light(b), a].map(|part| part as f32)
+}
+
+/// The mean colour of a triangle's paint.
+fn mean<P: Pixels + ?Sized>(paint: &Paint, pixels: &mut P) -> Result<[u8; 4], TextureError> {
+    match paint {
+        Paint::Image { image, corners: [a, b, c], factor } => {
+            let mut sums = Samples::default();
+            // Middles of the triangles that it is cut into, which have one corner up or down.
+            let middles = |up: u32| {
+                let count = CUTS - up + 1;
+                (0..count).flat_map(move |i| (0..count - i).map(move |j| [3 * i + up, 3 * j + up]))
+            };
+            for parts in middles(1).chain(middles(2)) {
+                let [u, v] = parts.map(|part| f64::from(part) / f64::from(3 * CUTS));
+                let at = [0, 1].map(|axis| a[axis] + u * (b[axis] - a[axis]) + v * (c[axis] - a[axis]));
+                sums.add(pixels, *image, at)?;
+            }
+            Ok(sums.color(CUTS * CUTS, tint(*factor)))
+        }
+        Paint::Colors(colors) => {
+            Ok([0, 1, 2, 3].map(|i| (colors.iter().map(|color| u32::from(color[i])).sum::<u32>() / 3) as u8))
         }
     }
 }
@@ -159,8 +188,14 @@ impl Plan {
         // What lies side by side in an image is read together.
         let mut order: Vec<([i64; 3], u32)> = (paints.iter().map(near).zip(0..)).collect();
         order.sort_unstable();
+        let mut missed = Vec::new();
         for (_, triangle) in order {
-            canvas.cover(usize::from(self.chart_of[triangle as usize]), triangle, pixels)?;
+            if !canvas.cover(usize::from(self.chart_of[triangle as usize]), triangle, pixels)? {
+                missed.push(triangle);
+            }
+        }
+        for triangle in missed {
+            canvas.dab(usize::from(self.chart_of[triangle as usize]), triangle, pixels)?;
         }
         for (number, triangles) in of_chart.iter().enumerate() {
             canvas.cover_needed(number, triangles, &faces, pixels)?;
@@ -178,18 +213,18 @@ impl Canvas<'_> {
         corners.map(|corner| chart.place(self.plan.origin, self.surface.positions[usize::from(corner)]))
     }
 
-    /// Paints the texels of a triangle of a chart.
+    /// Paints the texels of a triangle of a chart, whose middles it has; whether it has any.
     fn cover<P: Pixels + ?Sized>(
         &mut self,
         chart: usize,
         triangle: u32,
         pixels: &mut P,
-    ) -> Result<(), TextureError> {
+    ) -> Result<bool, TextureError> {
         let stride = self.plan.size[0] as usize;
         let corners = self.surface.triangles[triangle as usize];
         let places = self.places(&self.plan.charts[chart], corners);
-        let Some(brush) = Brush::of(&self.paints[triangle as usize], places) else { return Ok(()) };
-        let mut result = Ok(());
+        let Some(brush) = Brush::of(&self.paints[triangle as usize], places) else { return Ok(false) };
+        let mut result = Ok(false);
         spans(places, |row, begin, end| {
             for column in begin..end {
                 if result.is_err() {
@@ -199,12 +234,35 @@ impl Canvas<'_> {
                     Ok(color) => {
                         let at = row as usize * stride + column as usize;
                         (self.texels[at], self.known[at]) = (color, true);
+                        result = Ok(true);
                     }
                     Err(error) => result = Err(error),
                 }
             }
         });
         result
+    }
+
+    /// Paints the texel that has the middle of a triangle, unless another has: for one so small or so steep that it has no texel's middle. Without it, charts of such
+    /// alone would have no colour.
+    fn dab<P: Pixels + ?Sized>(
+        &mut self,
+        chart: usize,
+        triangle: u32,
+        pixels: &mut P,
+    ) -> Result<(), TextureError> {
+        let chart = &self.plan.charts[chart];
+        let places = self.places(chart, self.surface.triangles[triangle as usize]);
+        let [left, top, width, height] = chart.rect.map(f64::from);
+        let middle = |axis: usize, first: f64, len: f64| {
+            let sum: f64 = places.iter().map(|place| place[axis]).sum();
+            (sum / 3.0).clamp(first, first + len - 1.0) as usize
+        };
+        let at = middle(1, top, height) * self.plan.size[0] as usize + middle(0, left, width);
+        if !self.known[at] {
+            (self.texels[at], self.known[at]) = (mean(&self.paints[triangle as usize], pixels)?, true);
+        }
+        Ok(())
     }
 
     /// Paints texels that a coarser state of the chart's triangles has, and the finest has not: with the surface of the cluster that is nearest along the chart's

@@ -101,8 +101,10 @@ impl Patch<'_> {
                 }
             }
         }
-        for begin in (0..height).map(|row| self.row(row)).collect::<Vec<_>>() {
-            self.known[begin..begin + width].fill(true);
+        if levels.last().is_some_and(|level| level.known.contains(&true)) {
+            for begin in (0..height).map(|row| self.row(row)).collect::<Vec<_>>() {
+                self.known[begin..begin + width].fill(true);
+            }
         }
     }
 }

@@ -1,10 +1,11 @@
 //! A cluster's meshes and charts, in memory.
 
-use super::way::{Key, distance, point};
+use super::way::{Corners, Key, normal_of, point};
 use crate::error::VerifyError;
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, Page, SheetLayout};
-use chpm_mesh::{ClusterId, Places, ProgressiveMesh};
+use chpm_mesh::{ClusterId, Places, ProgressiveMesh, geom};
+use nalgebra::{Point3, Vector3};
 
 /// Texels of a side of the cells that triangles are found by.
 const CELL: usize = 8;
@@ -28,18 +29,6 @@ pub(super) struct Cluster {
     columns: usize,
     first: Vec<u32>,
     in_cells: Vec<u32>,
-}
-
-fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|i| a[i] - b[i])
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// The parts of a triangle's corners in a point of its plane; none of a triangle without area.
@@ -82,21 +71,20 @@ impl Cluster {
 
     fn find_cosines(&mut self) {
         let charts = self.layout.charts.len();
-        let (mut normals, mut sums) = (Vec::with_capacity(self.triangles.len()), vec![[0.0; 3]; charts]);
+        let (mut normals, mut sums) =
+            (Vec::with_capacity(self.triangles.len()), vec![Vector3::zeros(); charts]);
         for (corners, chart) in self.triangles.iter().zip(&self.layout.chart_of) {
-            let [a, b, c] = self.corners(*corners);
-            let (normal, sum) = (cross(minus(b, a), minus(c, a)), &mut sums[usize::from(*chart)]);
-            (0..3).for_each(|axis| sum[axis] += normal[axis]);
+            let normal = normal_of(self.corners(*corners));
+            sums[usize::from(*chart)] += normal;
             normals.push(normal);
         }
         for (normal, chart) in normals.into_iter().zip(&self.layout.chart_of) {
             let chart = usize::from(*chart);
-            let [x, y] = self.layout.charts[chart].axes.map(|axis| axis.map(f64::from));
-            let direction = cross(x, y);
+            let [x, y] = self.layout.charts[chart].axes.map(|axis| Vector3::from(axis.map(f64::from)));
+            let direction = x.cross(&y);
             // Of the two sides of its plane, a chart is of the one that most of it faces.
-            let side = dot(direction, sums[chart]).signum();
-            let cosine =
-                side * dot(normal, direction) / (dot(normal, normal) * dot(direction, direction)).sqrt();
+            let side = direction.dot(&sums[chart]).signum();
+            let cosine = side * normal.dot(&direction) / (normal.norm() * direction.norm());
             // What has no area faces nowhere.
             if cosine.is_finite() {
                 self.cosines[chart] = self.cosines[chart].min(cosine);
@@ -135,11 +123,11 @@ impl Cluster {
         }
     }
 
-    pub(super) fn corners(&self, corners: [u16; 3]) -> [[f64; 3]; 3] {
-        corners.map(|corner| self.positions[usize::from(corner)].map(f64::from))
+    pub(super) fn corners(&self, corners: [u16; 3]) -> Corners {
+        corners.map(|corner| geom::to_f64(self.positions[usize::from(corner)]))
     }
 
-    /// What a triangle of the finest mesh is found by.
+    /// Key of a triangle of the finest mesh.
     pub(super) fn key(&self, triangle: u32) -> Key {
         Key::of(self.triangles[triangle as usize].map(|corner| self.positions[usize::from(corner)]))
     }
@@ -170,13 +158,13 @@ impl Cluster {
 
     /// The triangle of the finest mesh that has a place in the chart of a triangle, and the point that is there; none if there is none, or if there are
     /// several whose points are farther apart than `slack`.
-    pub(super) fn at(&self, of_chart: u32, at: [f64; 2], slack: f64) -> Option<(u32, [f64; 3])> {
+    pub(super) fn at(&self, of_chart: u32, at: [f64; 2], slack: f64) -> Option<(u32, Point3<f64>)> {
         let chart = self.layout.chart_of[of_chart as usize];
         let [column, row] = at.map(|x| (x.max(0.0) as usize) / CELL);
         let rows = (self.first.len() - 1) / self.columns;
         let cell = row.min(rows - 1) * self.columns + column.min(self.columns - 1);
         let in_cell = &self.in_cells[self.first[cell] as usize..self.first[cell + 1] as usize];
-        let mut found: Option<(u32, [f64; 3])> = None;
+        let mut found: Option<(u32, Point3<f64>)> = None;
         for triangle in in_cell.iter().copied() {
             if self.layout.chart_of[triangle as usize] != chart {
                 continue;
@@ -188,7 +176,7 @@ impl Cluster {
             };
             let point = point(self.corners(corners), parts);
             match found {
-                Some((_, known)) if distance(known, point) > slack => return None,
+                Some((_, known)) if (known - point).norm() > slack => return None,
                 Some(_) => {}
                 None => found = Some((triangle, point)),
             }

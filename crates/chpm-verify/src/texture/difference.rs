@@ -33,7 +33,7 @@ pub struct Slide {
     pub beyond: u64,
 }
 
-/// What samples were found to be.
+/// Samples that were taken.
 #[derive(Clone, Debug)]
 pub(super) struct Found {
     pub(super) triangles: u64,

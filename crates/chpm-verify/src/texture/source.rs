@@ -1,14 +1,16 @@
 //! A textured source in memory: its colour near any point. Images are on disk where there is no memory for them.
 
-use super::way::{Key, turned};
+use super::way::{Key, normal_of, parts_of};
 use crate::error::VerifyError;
 use chpm_extmem::{BufferWriter, Cancel, MappedFile, Progress, Store};
 use chpm_format::Chpm;
 use chpm_import::ply::{Batch, BatchKind, Options};
 use chpm_import::{Images, Input, Textures};
 use chpm_measure::Bvh;
+use chpm_mesh::geom;
 use chpm_texture::sheet::{Pixels, Region};
 use chpm_texture::{Material, TextureError, TexturedTriangle, TileReader, Tiles};
+use nalgebra::{Point3, Vector3};
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -89,21 +91,30 @@ impl Source {
         self.scale
     }
 
-    /// The colour of the source where it is nearest to a point, of 255; none where it has no image.
+    /// The triangle that is nearest to a point; of two sides of one, that which faces as `normal` does.
+    fn nearest(&self, point: Point3<f64>, normal: Vector3<f64>) -> Option<&TexturedTriangle> {
+        let [a, b, c] = self.bvh.corners_of(&self.bvh.nearest(point, None))?;
+        let along = normal_of([a, b, c].map(geom::to_f64)).dot(&normal);
+        let sides = if along >= 0.0 { [[a, b, c], [a, c, b]] } else { [[a, c, b], [a, b, c]] };
+        let number = sides.iter().find_map(|corners| self.at.get(&Key::of(*corners)))?;
+        Some(&self.triangles[*number as usize])
+    }
+
+    /// The colour of the source where it is nearest to a point of a surface with this normal, of 255; none where it has no image.
     pub(super) fn color_near(
         &self,
-        point: [f64; 3],
+        point: Point3<f64>,
+        normal: Vector3<f64>,
         paint: &mut Paint<'_>,
     ) -> Result<Option<[f64; 3]>, VerifyError> {
-        let nearest = self.bvh.nearest(point.into(), None);
-        let Some(corners) = self.bvh.corners_of(&nearest) else { return Ok(None) };
-        let Some(number) = self.at.get(&Key::of(corners)) else { return Ok(None) };
-        let TexturedTriangle { vertices, uv, material } = self.triangles[*number as usize];
+        let Some(&TexturedTriangle { vertices, uv, material }) = self.nearest(point, normal) else {
+            return Ok(None);
+        };
         let Some(Material { image: Some(image), factor, .. }) = self.materials.get(material as usize) else {
             return Ok(None);
         };
-        let corners = vertices.map(|vertex| self.positions[vertex as usize].map(f64::from));
-        let parts = inside(turned(corners, point).unwrap_or([1.0, 0.0, 0.0]));
+        let corners = vertices.map(|vertex| geom::to_f64(self.positions[vertex as usize]));
+        let parts = inside(parts_of(corners, point).unwrap_or([1.0, 0.0, 0.0]));
         let sides = self.tiles.size(*image).map(f64::from);
         let [u, v] = [0, 1].map(|axis| (0..3).map(|i| parts[i] * f64::from(uv[i][axis])).sum::<f64>());
         let place = [u * sides[0], (1.0 - v) * sides[1]];
@@ -123,7 +134,7 @@ impl Source {
     }
 }
 
-/// What triangles show of the images.
+/// The images, as far as triangles show them.
 fn tiles(
     textures: &Textures,
     triangles: &[TexturedTriangle],

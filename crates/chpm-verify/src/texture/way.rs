@@ -9,6 +9,7 @@ use chpm_format::Chpm;
 use chpm_image::ImageRows;
 use chpm_mesh::{ClusterId, Places, pm};
 use chpm_refine::Member;
+use nalgebra::{Point3, Vector3};
 use std::collections::HashMap;
 use std::io::Cursor;
 use xxhash_rust::xxh3::xxh3_128;
@@ -18,7 +19,10 @@ const LEAST: f64 = 4096.0;
 /// Rounding of a place in a sheet, in parts of the largest coordinate.
 const SLACK: f64 = 1e-5;
 
-/// What a triangle is found by: where its corners are, whichever it begins with.
+/// Where the corners of a triangle are.
+pub(super) type Corners = [Point3<f64>; 3];
+
+/// Hash of where a triangle's corners are, whichever it begins with.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
 pub(super) struct Key(u128);
 
@@ -101,26 +105,26 @@ impl Ways {
         let error = file.page(id)?.view().error_at(member.vertices as usize);
         let mut places = Places::default();
         places.go_to(&cluster.mesh(), member.vertices as usize);
-        let alive: Vec<(u32, [u16; 3], f64)> = (0..)
+        let alive: Vec<(u32, [u16; 3], Vector3<f64>)> = (0..)
             .zip(&cluster.triangles)
             .map(|(triangle, corners)| (triangle, corners.map(|corner| places.of(corner))))
             .filter(|(_, corners)| pm::is_alive(corners))
-            .map(|(triangle, corners)| (triangle, corners, area(cluster.corners(corners))))
+            .map(|(triangle, corners)| (triangle, corners, normal_of(cluster.corners(corners))))
             .collect();
 
         let mut found = Found::of(alive.len());
-        let all: f64 = alive.iter().map(|(.., area)| area).sum();
+        let all: f64 = alive.iter().map(|(.., normal)| normal.norm()).sum();
         let each = all / (f64::from(of_triangle) * alive.len() as f64).max(LEAST);
         let (mut due, mut number) = (0.5 * each, 0u64);
-        for (triangle, corners, area) in alive {
-            due -= area;
-            while due < 0.0 {
+        for (triangle, corners, normal) in alive {
+            due -= normal.norm();
+            while due < 0.0 && each > 0.0 {
                 due += each;
                 number += 1;
                 let parts = spread(number);
                 let at = point(cluster.corners(corners), parts);
                 let place = cluster.place(triangle, corners, parts);
-                if let Some(color) = source.color_near(at, paint)? {
+                if let Some(color) = source.color_near(at, normal, paint)? {
                     found.add(picture.at(place), color);
                 }
                 let slack = SLACK * source.scale();
@@ -136,7 +140,7 @@ impl Ways {
         file: &Chpm<MappedFile>,
         (mut id, mut triangle, mut place): (u32, u32, [f64; 2]),
         mut error: f32,
-        sample: [f64; 3],
+        sample: Point3<f64>,
         slack: f64,
     ) -> Option<(f64, f64)> {
         let mut bound = 0.0;
@@ -146,39 +150,31 @@ impl Ways {
             bound += (1.0 + cluster.factor(triangle)?) * (f64::from(error) + f64::from(cluster.min_error));
             let record = &file.clusters()[id as usize];
             if record.is_leaf() {
-                return Some((distance(point, sample), bound));
+                return Some(((point - sample).norm(), bound));
             }
             // Triangles of a finest mesh are those of the base meshes below (I4), which may begin with another corner.
             let (child, of_child) = *self.below[record.group().index()].get(&cluster.key(finest))?;
             let below = &self.clusters[child as usize];
             let corners = below.in_base(of_child)?;
-            place = below.place(of_child, corners, turned(below.corners(corners), point)?);
+            place = below.place(of_child, corners, parts_of(below.corners(corners), point)?);
             (id, triangle, error) = (child, of_child, below.base_error);
         }
     }
 }
 
-pub(super) fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+/// Twice as long as the triangle has area.
+pub(super) fn normal_of([a, b, c]: Corners) -> Vector3<f64> {
+    (b - a).cross(&(c - a))
 }
 
-fn area([a, b, c]: [[f64; 3]; 3]) -> f64 {
-    let [u, v]: [[f64; 3]; 2] = [b, c].map(|other| std::array::from_fn(|i| other[i] - a[i]));
-    let normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-    normal.iter().map(|x| x * x).sum::<f64>().sqrt() / 2.0
+pub(super) fn point([a, b, c]: Corners, [first, second, third]: [f64; 3]) -> Point3<f64> {
+    (a.coords * first + b.coords * second + c.coords * third).into()
 }
 
-pub(super) fn point(corners: [[f64; 3]; 3], parts: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|axis| (0..3).map(|i| parts[i] * corners[i][axis]).sum())
-}
-
-/// The parts of a triangle's corners in a point of it.
-pub(super) fn turned(corners: [[f64; 3]; 3], at: [f64; 3]) -> Option<[f64; 3]> {
-    let [a, b, c] = corners;
-    let minus = |p: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| p[i] - a[i]) };
-    let dot = |p: [f64; 3], q: [f64; 3]| p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
-    let (u, v, w) = (minus(b), minus(c), minus(at));
-    let (uu, uv, vv, wu, wv) = (dot(u, u), dot(u, v), dot(v, v), dot(w, u), dot(w, v));
+/// The parts of a triangle's corners in a point of it; none of a triangle without area.
+pub(super) fn parts_of([a, b, c]: Corners, at: Point3<f64>) -> Option<[f64; 3]> {
+    let (u, v, w) = (b - a, c - a, at - a);
+    let (uu, uv, vv, wu, wv) = (u.dot(&u), u.dot(&v), v.dot(&v), w.dot(&u), w.dot(&v));
     let area = uu * vv - uv * uv;
     let [second, third] = [(vv * wu - uv * wv) / area, (uu * wv - uv * wu) / area];
     (second.is_finite() && third.is_finite()).then_some([1.0 - second - third, second, third])
@@ -206,16 +202,16 @@ mod tests {
 
     #[test]
     fn parts_come_back_and_fill_the_triangle() {
-        let corners = [[1.0, 2.0, 3.0], [4.0, 0.0, 3.0], [1.0, 5.0, -2.0]];
+        let corners = [[1.0, 2.0, 3.0], [4.0, 0.0, 3.0], [1.0, 5.0, -2.0]].map(Point3::from);
         let mut sums = [0.0; 3];
         for number in 0..3000 {
             let parts = spread(number);
             assert!(parts.iter().all(|part| (-1e-12..=1.0).contains(part)));
-            let back = turned(corners, point(corners, parts)).unwrap();
+            let back = parts_of(corners, point(corners, parts)).unwrap();
             assert!(parts.iter().zip(back).all(|(a, b)| (a - b).abs() < 1e-12));
             sums = std::array::from_fn(|i| sums[i] + parts[i]);
         }
         assert!(sums.iter().all(|sum| (sum / 3000.0 - 1.0 / 3.0).abs() < 0.002), "{sums:?}");
-        assert_eq!(turned([[0.0; 3]; 3], [1.0; 3]), None);
+        assert_eq!(parts_of([Point3::origin(); 3], [1.0; 3].into()), None);
     }
 }
