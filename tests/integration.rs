@@ -105,6 +105,7 @@ mod integration {
     mod stills;
     /// The command line as people meet it.
     mod terminal;
+    mod texels;
     mod texture;
     /// The house rules: which crate may use which, where unsafe code may be, how long a file gets.
     mod tidy;

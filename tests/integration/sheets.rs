@@ -9,16 +9,16 @@ use std::fs;
 use std::process::Stdio;
 
 /// Squares of the image's board, each way, and their two colours.
-const SQUARES: u32 = 8;
-const LIGHT: [u8; 3] = [230, 200, 60];
-const DARK: [u8; 3] = [40, 60, 150];
+pub(crate) const SQUARES: u32 = 8;
+pub(crate) const LIGHT: [u8; 3] = [230, 200, 60];
+pub(crate) const DARK: [u8; 3] = [40, 60, 150];
 
-fn board(u: f64, v: f64) -> [u8; 3] {
+pub(crate) fn board(u: f64, v: f64) -> [u8; 3] {
     let square = |x: f64| (x.rem_euclid(1.0) * f64::from(SQUARES)) as u32;
     if (square(u) + square(v)).is_multiple_of(2) { LIGHT } else { DARK }
 }
 
-fn png(side: u32, color: impl Fn(f64, f64) -> Vec<u8>, kind: png::ColorType) -> Vec<u8> {
+pub(crate) fn png(side: u32, color: impl Fn(f64, f64) -> Vec<u8>, kind: png::ColorType) -> Vec<u8> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, side, side);
     encoder.set_color(kind);
@@ -32,7 +32,7 @@ fn png(side: u32, color: impl Fn(f64, f64) -> Vec<u8>, kind: png::ColorType) -> 
 }
 
 /// Hills over the unit square, with the board all over them.
-fn hills(side: usize, head: &str, uv: impl Fn(f64, f64) -> [f64; 2]) -> String {
+pub(crate) fn hills(side: usize, head: &str, uv: impl Fn(f64, f64) -> [f64; 2]) -> String {
     let mut text = head.to_owned();
     let at = |x: usize| x as f64 / side as f64;
     for (x, y) in (0..=side).flat_map(|y| (0..=side).map(move |x| (at(x), at(y)))) {
@@ -47,10 +47,10 @@ fn hills(side: usize, head: &str, uv: impl Fn(f64, f64) -> [f64; 2]) -> String {
     text
 }
 
-const HEAD: &str = "mtllib a.mtl\nusemtl a\n";
-const BUILD: &str = "--texture sheets --cluster-triangles 512 -q";
+pub(crate) const HEAD: &str = "mtllib a.mtl\nusemtl a\n";
+pub(crate) const BUILD: &str = "--texture sheets --cluster-triangles 512 -q";
 
-fn textured() -> Folder {
+pub(crate) fn textured() -> Folder {
     let folder = Folder::new();
     add_textured(&folder);
     folder
@@ -432,7 +432,7 @@ fn sources_of_as_many_charts_as_triangles() {
 }
 
 /// Middles of the triangles of a GLB that was taken from a file, in the model's coordinates, and the texel of each.
-fn centers(folder: &Folder, glb: &str) -> Vec<([f64; 2], [u8; 3])> {
+pub(crate) fn centers(folder: &Folder, glb: &str) -> Vec<([f64; 2], [u8; 3])> {
     centers_of(folder, &glb.replace(".glb", ".chpm"), glb)
 }
 
@@ -510,51 +510,4 @@ fn holes_in_images_come_through_as_png() {
     assert!(shown.len() > 500 && hidden.len() > 500);
     assert!(shown.iter().all(|alpha| *alpha == 255), "{shown:?}");
     assert!(hidden.iter().all(|alpha| *alpha == 0), "{hidden:?}");
-}
-
-#[test]
-fn colours_are_measured_beside_the_source() {
-    let folder = textured();
-    folder.stdout(&format!("build a.obj {BUILD}"));
-    let words = "measure a.chpm --against a.obj --texture --samples 4 -q";
-    let told: serde_json::Value =
-        serde_json::from_str(&folder.stdout(&format!("{words} --json"))).expect("JSON");
-    let levels = told["levels"].as_array().expect("levels");
-    let at = |row: &serde_json::Value, key: &str| row[key].as_f64().expect("a number");
-    // The finest mesh is the source's: nothing slides, and but for squares' sides colours are the source's.
-    let finest = &levels[0];
-    assert_eq!((at(finest, "level"), at(finest, "collapsed"), at(finest, "triangles")), (0.0, 0.0, 4608.0));
-    assert!(at(finest, "median") < 4.0 && at(finest, "psnr") > 25.0, "{finest}");
-    let slide = &finest["slide"];
-    assert!(at(slide, "max") < 1e-4 && at(slide, "beyond") == 0.0, "{finest}");
-    assert!(at(slide, "outside") < 0.001 * at(slide, "samples"), "{finest}");
-    for row in levels {
-        let slide = &row["slide"];
-        assert!(at(slide, "samples") > 9.0 * at(slide, "outside"), "{row}");
-        assert!(at(slide, "of_bound") < 1.0 && at(slide, "beyond") == 0.0, "{row}");
-        assert!(at(row, "median") <= at(row, "p95") && at(row, "p95") <= at(row, "p99"), "{row}");
-    }
-    let coarsest = levels.last().expect("a level");
-    assert!(at(&coarsest["slide"], "max") > 0.0 && at(coarsest, "psnr") < at(finest, "psnr"), "{coarsest}");
-    let table = folder.stdout(words);
-    assert!(table.contains("PSNR") && table.contains("level 0, 50 %"), "{table}");
-
-    // A source of other colours is told from it.
-    folder.write(
-        "a.png",
-        png(512, |u, v| board(u + 1.0 / f64::from(SQUARES), v).to_vec(), png::ColorType::Rgb),
-    );
-    let other: serde_json::Value =
-        serde_json::from_str(&folder.stdout(&format!("{words} --json"))).expect("JSON");
-    assert!(at(&other["levels"][0], "median") > 100.0, "{other}");
-
-    // What cannot be measured is refused by name.
-    folder.stdout("build a.obj --texture vertices -o v.chpm -q");
-    let error = folder.stderr("measure v.chpm --against a.obj --texture -q", 2);
-    assert!(error.contains("no sheets"), "{error}");
-    folder.stdout("synth sphere --triangles 500 -o s.ply -q");
-    let error = folder.stderr("measure a.chpm --against s.ply --texture -q", 2);
-    assert!(error.contains("no image"), "{error}");
-    let error = folder.stderr("measure a.chpm --against a.obj --texture --memory 1M -q", 2);
-    assert!(error.contains("--memory"), "{error}");
 }

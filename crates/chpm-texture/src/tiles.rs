@@ -94,6 +94,11 @@ impl Tiles {
         Ok(Tiles { images, texels })
     }
 
+    /// How many images there are.
+    pub fn count(&self) -> usize {
+        self.images.len()
+    }
+
     /// Width and height of an image.
     pub fn size(&self, image: u32) -> [u32; 2] {
         self.images[image as usize].shown.size()

@@ -304,6 +304,26 @@ fn what_is_smaller_than_a_texel_has_its_colour() {
     }
 }
 
+/// A needle that asks for texels a millionth as large, as at the pole of a sphere: what is beside it keeps its own.
+#[test]
+fn needles_leave_others_their_texels() {
+    for height in [1e-17_f32, 1e-9, 1e-4, 1e-2] {
+        let mut mesh = Mesh::grid(20, 20, 0.01, |u, v| [u, v, 0.0]);
+        let first = mesh.positions.len() as u16;
+        mesh.positions.extend([[2.0, 0.0, 0.0], [2.0, 0.05, 0.0], [2.0 + height, 0.02, 0.0]]);
+        mesh.triangles.push([first, first + 1, first + 2]);
+        // As small as a hundred texels in its area ask for.
+        let mut texels = vec![mesh.texel; mesh.triangles.len()];
+        *texels.last_mut().expect("the needle") = (f64::from(height) * 0.025 / 100.0).sqrt();
+        let plan = Plan::new(&mesh.surface(&texels)).expect("a plan");
+        mesh.check(&plan);
+        let chart = &plan.charts[usize::from(plan.chart_of[0])];
+        let across = chart.axes[0].iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
+        assert!((across - 100.0).abs() < 1.0, "{height}: {across} texels a unit, not 100");
+        assert!(plan.size.iter().all(|side| *side < 4000), "{height}: {:?}", plan.size);
+    }
+}
+
 #[test]
 fn sheets_are_never_too_large() {
     let mesh = Mesh { texel: 1e-7, ..sphere(12, 8) };

@@ -162,6 +162,7 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
     let SourceInfo { tally, mut warnings, .. } = read;
     warnings.extend(warning);
     warnings.extend(of_normals);
+    warnings.extend(painted.as_ref().and_then(Painted::warning));
     let facts = SourceFacts {
         origin,
         lattice_step,

@@ -13,6 +13,8 @@ use xxhash_rust::xxh3::xxh3_128;
 
 /// Wedges that are written and read at once.
 const AT_ONCE: usize = 1 << 13;
+/// Times that an image repeats in full. Of one that repeats more often, there are fewer texels the more it does: they are means of much of it anyway.
+const MOST_REPEATS: f64 = 64.0;
 
 /// A textured triangle. In order they come by places, and for one place as in the source.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable, Debug)]
@@ -49,19 +51,19 @@ pub(crate) struct Painted {
     wedges: Spool,
     pub(crate) materials: Vec<Material>,
     pub(crate) tiles: Tiles,
-    /// Texels that the triangles have together, however often an image repeats.
+    /// Texels that the triangles have together.
     pub(crate) texels: f64,
+    /// By image, how much larger a texel is than one of its pixels.
+    coarser: Vec<f64>,
 }
 
-/// Texels of a triangle of an image; none where coordinates are no numbers.
-fn texels_of(triangle: &TexturedTriangle, materials: &[Material], tiles: &Tiles) -> f64 {
-    let Some(image) = materials.get(triangle.material as usize).and_then(|material| material.image) else {
-        return 0.0;
-    };
+/// The image of a triangle and how many of its pixels it has, however often these repeat; none where coordinates are no numbers.
+fn pixels_of(triangle: &TexturedTriangle, materials: &[Material], tiles: &Tiles) -> Option<(u32, f64)> {
+    let image = materials.get(triangle.material as usize)?.image?;
     let [a, b, c] = triangle.uv.map(|uv| uv.map(f64::from));
     let area = ((b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])).abs() / 2.0;
     let [width, height] = tiles.size(image).map(f64::from);
-    if area.is_finite() { area * width * height } else { 0.0 }
+    area.is_finite().then_some((image, area * width * height))
 }
 
 impl Painted {
@@ -75,13 +77,15 @@ impl Painted {
     ) -> Result<Self, BuildError> {
         let wedges = Spool::named(&context.store, "textured triangles", "textured-triangles");
         let mut at = places_of(positions);
-        let (mut scratch, mut some, mut texels) = (Vec::new(), Vec::new(), 0.0);
+        let (mut scratch, mut some, mut pixels) = (Vec::new(), Vec::new(), vec![0.0; tiles.count()]);
         for start in (0..triangles.len()).step_by(AT_ONCE) {
             context.check()?;
             let range = start..triangles.len().min(start + AT_ONCE);
             some.clear();
             for (number, triangle) in (start as u32..).zip(triangles.read(range, &mut scratch)?) {
-                texels += texels_of(triangle, &materials, &tiles);
+                if let Some((image, count)) = pixels_of(triangle, &materials, &tiles) {
+                    pixels[image as usize] += count;
+                }
                 let TexturedTriangle { vertices: [a, b, c], uv, material } = *triangle;
                 let (place, first) = place_of([at(a)?, at(b)?, at(c)?]);
                 let uv = std::array::from_fn(|corner| uv[(corner + first) % 3].map(f32::to_bits));
@@ -89,7 +93,24 @@ impl Painted {
             }
             wedges.append(bytemuck::cast_slice(&some))?;
         }
-        Ok(Painted { wedges, materials, tiles, texels })
+        let most = |image: u32| MOST_REPEATS * tiles.size(image).map(f64::from).iter().product::<f64>();
+        let coarser: Vec<f64> =
+            (0..).zip(&pixels).map(|(image, count)| (count / most(image)).powf(0.75).max(1.0)).collect();
+        let texels = pixels.iter().zip(&coarser).map(|(count, coarser)| count / (coarser * coarser)).sum();
+        Ok(Painted { wedges, materials, tiles, texels, coarser })
+    }
+
+    /// How much larger texels of an image are than its pixels, since it repeats.
+    pub(crate) fn coarser(&self, image: u32) -> f64 {
+        self.coarser[image as usize]
+    }
+
+    /// A warning if some are.
+    pub(super) fn warning(&self) -> Option<String> {
+        let most = self.coarser.iter().copied().fold(1.0, f64::max);
+        (most > 1.0).then(|| {
+            format!("an image repeats so often that sheets show it {most:.1} times coarser than it is")
+        })
     }
 
     /// Textured triangles.

@@ -2,6 +2,7 @@
 
 use super::found::{Found, Shown};
 use super::raw::{Raw, RawRef, RawSheet};
+use super::seams::Seams;
 use super::too_many;
 use crate::context::Context;
 use crate::error::BuildError;
@@ -42,6 +43,7 @@ pub(super) struct Scratch {
     texels: Vec<f64>,
     below: Vec<([u64; 2], u32, u32)>,
     here: Vec<([u64; 2], u32)>,
+    seams: Seams,
 }
 
 impl Cluster<'_> {
@@ -87,9 +89,10 @@ impl Cluster<'_> {
             };
             let [width, height] = tiles.size(image).map(f64::from);
             let places = uv.map(|[u, v]| [f64::from(u) * width, (1.0 - f64::from(v)) * height]);
-            scratch.texels[triangle] = texel(corners, places);
+            scratch.texels[triangle] = self.painted.coarser(image) * texel(corners, places);
             scratch.paints[triangle] = Paint::Image { image: shown.wedge.material, corners: places, factor };
         }
+        scratch.seams.limit(page, &scratch.paints, &mut scratch.texels);
         let mut pixels = TileReader::new(tiles, materials);
         finish(page, 0.0, TileReader::BYTES, scratch, context, &mut pixels)
     }

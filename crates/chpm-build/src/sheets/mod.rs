@@ -6,6 +6,7 @@
 mod cluster;
 mod found;
 mod raw;
+mod seams;
 
 use crate::config::{Settings, Texture};
 use crate::context::Context;

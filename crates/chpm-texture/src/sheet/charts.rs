@@ -24,6 +24,8 @@ const MOST: f64 = (1u32 << 24) as f64;
 const MOST_TURNED: f64 = 0.7;
 /// Texels across a chart that shows nothing to go by.
 const PLAIN: f64 = 8.0;
+/// Texels that a triangle is high, at least, for its wish to count: a needle's would be for texels far smaller than what is beside it.
+const THIN: f64 = 0.125;
 
 /// A chart on its plane.
 #[derive(Clone, Debug)]
@@ -39,36 +41,37 @@ pub(super) struct Flat {
     pub(super) texel: f64,
 }
 
-/// Lays charts out; by how much larger texels have to be if one is too large.
+/// Lays charts out.
 pub(super) fn flatten(
     surface: &Surface<'_>,
     faces: &Faces<'_>,
     facings: &[Facing],
     origin: [f32; 3],
     coarser: f64,
-) -> Result<Vec<Flat>, f64> {
+) -> Vec<Flat> {
     let (mut flats, mut covered, mut scratch) = (Vec::new(), Vec::new(), Vec::new());
     for Facing { direction, triangles } in facings {
         let texel = texel(surface, faces, triangles, *direction) * coarser;
         let mut left = vec![triangles.clone()];
         while let Some(triangles) = left.pop() {
-            let flat = lay(surface, triangles, *direction, texel, origin)?;
-            let (flat, rest) = split(surface, faces, flat, origin, &mut covered)?;
+            let flat = lay(surface, triangles, *direction, texel, origin);
+            let (flat, rest) = split(surface, faces, flat, origin, &mut covered);
             flats.push(flat);
             left.extend(faces.parts(&rest, &mut scratch));
         }
     }
-    Ok(flats)
+    flats
 }
 
 /// The median of what triangles ask for, by area. As the chart is seen, they are smaller, and so are its texels: it has as many as they asked for.
 fn texel(surface: &Surface<'_>, faces: &Faces<'_>, triangles: &[u32], direction: Vector) -> f64 {
-    let asked = |triangle: &u32| (surface.texels[*triangle as usize], faces.area(*triangle));
-    let mut asked: Vec<(f64, f64)> = triangles
-        .iter()
-        .map(asked)
-        .filter(|(texel, area)| texel.is_finite() && *texel > 0.0 && *area > 0.0)
-        .collect();
+    let asked = |triangle: &u32| {
+        let (texel, area) = (surface.texels[*triangle as usize], faces.area(*triangle));
+        let height = 2.0 * area / longest(surface.corners(surface.triangles[*triangle as usize]));
+        let is_asked = texel.is_finite() && texel > 0.0 && height > THIN * texel;
+        is_asked.then_some((texel, area))
+    };
+    let mut asked: Vec<(f64, f64)> = triangles.iter().filter_map(asked).collect();
     asked.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
     let half = asked.iter().map(|(_, area)| area).sum::<f64>() / 2.0;
     let mut sum = 0.0;
@@ -88,6 +91,12 @@ fn texel(surface: &Surface<'_>, faces: &Faces<'_>, triangles: &[u32], direction:
     if found > f64::from(f32::MIN_POSITIVE) * 1e6 { found } else { 1.0 }
 }
 
+/// The longest edge.
+fn longest([a, b, c]: [Vector; 3]) -> f64 {
+    let edges = [sub(b, a), sub(c, b), sub(a, c)];
+    edges.map(|edge| dot(edge, edge)).into_iter().fold(0.0, f64::max).sqrt()
+}
+
 /// How long a chart is, along the longer of two axes.
 fn extent(surface: &Surface<'_>, triangles: &[u32], direction: Vector) -> f64 {
     let axes = beside(direction);
@@ -103,14 +112,14 @@ fn extent(surface: &Surface<'_>, triangles: &[u32], direction: Vector) -> f64 {
     (high[0] - low[0]).max(high[1] - low[1])
 }
 
-/// Projects triangles, turned so that their box is small.
+/// Projects triangles, turned so that their box is small. A chart that is too large is coarser by itself, not all of the sheet with it.
 fn lay(
     surface: &Surface<'_>,
     triangles: Vec<u32>,
     direction: Vector,
-    texel: f64,
+    mut texel: f64,
     origin: [f32; 3],
-) -> Result<Flat, f64> {
+) -> Flat {
     let mesh = surface.mesh();
     let mut corners: Vec<u16> = triangles
         .iter()
@@ -141,16 +150,18 @@ fn lay(
     let turn =
         TURNS.into_iter().fold(TURNS[0], |best, turn| if room(turn) < room(best) { turn } else { best });
     let (low, sides) = extent(turn);
-    let [width, height] = sides.map(|side| (side / texel).ceil() + 1.0 + 2.0 * f64::from(GUTTER));
-    if width.max(height) > LONGEST || width * height > MOST {
-        return Err(1.1 * (width.max(height) / LONGEST).max((width * height / MOST).sqrt()).max(1.0));
+    let size = |texel: f64| sides.map(|side| (side / texel).ceil() + 1.0 + 2.0 * f64::from(GUTTER));
+    let [mut width, mut height] = size(texel);
+    while width.max(height) > LONGEST || width * height > MOST {
+        texel *= 1.1 * (width.max(height) / LONGEST).max((width * height / MOST).sqrt()).max(1.0);
+        [width, height] = size(texel);
     }
 
     let [cos, sin] = turn;
     let axes = [add(scale(right, cos), scale(down, sin)), sub(scale(down, cos), scale(right, sin))];
     let axes = axes.map(|axis| axis.map(|part| (part / texel) as f32));
     let offset = low.map(|low| f64::from(GUTTER) + 0.5 - low / texel);
-    Ok(Flat { triangles, direction, axes, offset, size: [width as u32, height as u32], texel })
+    Flat { triangles, direction, axes, offset, size: [width as u32, height as u32], texel }
 }
 
 impl Flat {
@@ -168,7 +179,7 @@ fn split(
     mut flat: Flat,
     origin: [f32; 3],
     covered: &mut Vec<u64>,
-) -> Result<(Flat, Vec<u32>), f64> {
+) -> (Flat, Vec<u32>) {
     let chart = flat.chart();
     let [width, height] = flat.size.map(|side| side as usize);
     let texels = |triangle: u32, visit: &mut dyn FnMut(usize)| {
@@ -188,7 +199,7 @@ fn split(
         });
     }
     if !is_twice {
-        return Ok((flat, Vec::new()));
+        return (flat, Vec::new());
     }
 
     covered.fill(0);
@@ -221,6 +232,6 @@ fn split(
     refused.sort_unstable();
     kept.sort_unstable();
     let texel = flat.texel;
-    flat = lay(surface, kept, flat.direction, texel, origin)?;
-    Ok((flat, refused))
+    flat = lay(surface, kept, flat.direction, texel, origin);
+    (flat, refused)
 }

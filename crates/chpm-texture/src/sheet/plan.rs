@@ -92,9 +92,9 @@ impl Plan {
         let mut coarser = 1.0;
         loop {
             let flats = flatten(surface, &faces, &facings, origin, coarser);
-            match flats.map(|flats| Self::packed(surface, &flats, origin)) {
-                Ok(Ok(plan)) => return plan,
-                Ok(Err(more)) | Err(more) => coarser *= more,
+            match Self::packed(surface, &flats, origin) {
+                Ok(plan) => return plan,
+                Err(more) => coarser *= more,
             }
         }
     }
