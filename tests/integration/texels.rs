@@ -55,8 +55,8 @@ fn colours_are_measured_beside_the_source() {
 fn palettes_keep_their_colours() {
     const CELLS: u32 = 8;
     let folder = Folder::new();
-    let color =
-        |cell: u32| [30 + 28 * (cell % CELLS), 30 + 28 * (cell / CELLS), 255 * (cell & 1)].map(|x| x as u8);
+    // Of one hue: JPEG has colours more coarsely than light.
+    let color = |cell: u32| [20 + 3 * cell as u8; 3];
     let at = |u: f64, v: f64| color((u * 8.0) as u32 + 8 * ((1.0 - v) * 8.0) as u32).to_vec();
     folder.write("a.png", png(CELLS, at, png::ColorType::Rgb));
     folder.write("a.mtl", "newmtl a\nmap_Kd a.png\n");
@@ -86,7 +86,7 @@ fn palettes_keep_their_colours() {
     )
     .expect("JSON");
     let finest = &told["levels"][0];
-    assert!(finest["median"].as_f64() < Some(20.0), "{finest}");
+    assert!(finest["median"].as_f64() < Some(12.0), "{finest}");
 }
 
 /// An image that repeats a million times has no million times its texels.
@@ -96,7 +96,7 @@ fn what_repeats_too_often_is_coarser() {
     folder.write("a.mtl", "newmtl a\nmap_Kd a.png\n");
     folder.write("a.png", png(64, |u, v| board(u, v).to_vec(), png::ColorType::Rgb));
     folder.write("a.obj", hills(24, HEAD, |x, y| [1000.0 * x, 1000.0 * y]));
-    let told = folder.stderr(&format!("build a.obj {}", BUILD.replace("-q", "")), 0);
+    let told = folder.stdout(&format!("build a.obj {}", BUILD.replace("-q", "")));
     assert!(told.contains("1397.5 times coarser"), "{told}");
     let stats: Value = serde_json::from_str(&folder.stdout("stats a.chpm --json")).expect("JSON");
     let texels = stats["levels"][0]["sheets"]["texels"].as_f64().expect("a number");

@@ -66,6 +66,11 @@ fn pixels_of(triangle: &TexturedTriangle, materials: &[Material], tiles: &Tiles)
     area.is_finite().then_some((image, area * width * height))
 }
 
+/// How much larger texels are of an image that has so many times more than it may: the power of three quarters.
+fn fewer(times: f64) -> f64 {
+    (times.sqrt() * times.sqrt().sqrt()).max(1.0)
+}
+
 impl Painted {
     /// Takes triangles with the numbers of their vertices, which are at `positions`.
     pub(super) fn new(
@@ -94,8 +99,7 @@ impl Painted {
             wedges.append(bytemuck::cast_slice(&some))?;
         }
         let most = |image: u32| MOST_REPEATS * tiles.size(image).map(f64::from).iter().product::<f64>();
-        let coarser: Vec<f64> =
-            (0..).zip(&pixels).map(|(image, count)| (count / most(image)).powf(0.75).max(1.0)).collect();
+        let coarser: Vec<f64> = (0..).zip(&pixels).map(|(image, count)| fewer(count / most(image))).collect();
         let texels = pixels.iter().zip(&coarser).map(|(count, coarser)| count / (coarser * coarser)).sum();
         Ok(Painted { wedges, materials, tiles, texels, coarser })
     }

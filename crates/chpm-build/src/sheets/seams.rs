@@ -11,7 +11,7 @@ const ACROSS: f64 = 6.0;
 /// Pixels between two places of an image that are still one.
 const NEAR: f64 = 0.5;
 
-/// What a triangle shows at the two ends of an edge, the lower vertex first.
+/// Paint of a triangle at the two ends of an edge, the lower vertex first.
 #[derive(Clone, Copy, PartialEq)]
 enum Shown {
     Image(u32, [[f64; 2]; 2]),

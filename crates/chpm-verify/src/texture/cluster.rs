@@ -9,6 +9,8 @@ use nalgebra::{Point3, Vector3};
 
 /// Texels of a side of the cells that triangles are found by.
 const CELL: usize = 8;
+/// Triangles of a cell, in the mean, beside those that only touch it.
+const CROWD: usize = 4;
 /// How far outside of a triangle a point may be by rounding, in parts of its height.
 const OUTSIDE: f64 = 1e-5;
 
@@ -41,6 +43,38 @@ fn parts(places: [[f64; 2]; 3], at: [f64; 2]) -> Option<[f64; 3]> {
     parts.iter().all(|part| part.is_finite()).then_some(parts)
 }
 
+/// The first and the last of so many cells that have one of three places.
+fn extent(places: [f64; 3], cells: usize) -> (usize, usize) {
+    let low = places.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = places.iter().copied().fold(0.0, f64::max);
+    ((low.max(0.0) as usize).min(cells - 1), (high as usize).min(cells - 1))
+}
+
+/// From where to where a triangle is between two lines.
+fn across(places: &[[f64; 2]; 3], [top, bottom]: [f64; 2]) -> Option<[f64; 2]> {
+    let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
+    for i in 0..3 {
+        let [mut from, mut to] = [places[i], places[(i + 1) % 3]];
+        if from[1] > to[1] {
+            (from, to) = (to, from);
+        }
+        if to[1] < top || from[1] > bottom {
+            continue;
+        }
+        let at = |y: f64| match to[1] - from[1] {
+            height if height > 0.0 => from[0] + (to[0] - from[0]) * ((y - from[1]) / height).clamp(0.0, 1.0),
+            _ => from[0],
+        };
+        for x in [at(top), at(bottom)] {
+            (left, right) = (left.min(x), right.max(x));
+        }
+        if from[1] == to[1] {
+            (left, right) = (left.min(to[0]), right.max(to[0]));
+        }
+    }
+    (left <= right).then_some([left, right])
+}
+
 impl Cluster {
     pub(super) fn read(file: &Chpm<MappedFile>, id: u32) -> Result<Self, VerifyError> {
         let buffer = file.page(ClusterId(id))?;
@@ -65,8 +99,14 @@ impl Cluster {
             in_cells: Vec::new(),
         };
         cluster.find_cosines();
-        cluster.fill_cells(usize::from(sheet.record.size[1]).div_ceil(CELL));
-        Ok(cluster)
+        match cluster.fill_cells(usize::from(sheet.record.size[1]).div_ceil(CELL)) {
+            true => Ok(cluster),
+            false => {
+                let (image, reason) =
+                    (format!("the sheet of cluster {id}"), "its triangles lie over each other");
+                Err(VerifyError::Image { image, reason: reason.to_owned() })
+            }
+        }
     }
 
     fn find_cosines(&mut self) {
@@ -92,25 +132,29 @@ impl Cluster {
         }
     }
 
-    fn fill_cells(&mut self, rows: usize) {
+    /// Whether triangles are few enough in each cell, as those of charts are that do not lie over themselves.
+    fn fill_cells(&mut self, rows: usize) -> bool {
+        let columns = self.columns;
         let mut pairs = Vec::new();
+        let most = CROWD * (rows * columns + rows.max(columns) * self.triangles.len());
         for (triangle, corners) in (0..).zip(&self.triangles) {
-            let places = self.places(triangle, *corners);
-            let range = |axis: usize, most: usize| {
-                let of = places.map(|place| place[axis] / CELL as f64);
-                let low = of.iter().copied().fold(f64::INFINITY, f64::min).max(0.0) as usize;
-                let high = of.iter().copied().fold(0.0, f64::max) as usize;
-                low.min(most - 1)..=high.min(most - 1)
-            };
-            for row in range(1, rows) {
-                pairs.extend(range(0, self.columns).map(|column| (row * self.columns + column, triangle)));
+            let places = self.places(triangle, *corners).map(|place| place.map(|x| x / CELL as f64));
+            let (top, bottom) = extent(places.map(|[_, y]| y), rows);
+            for row in top..=bottom {
+                let Some([left, right]) = across(&places, [row as f64, row as f64 + 1.0]) else { continue };
+                let (left, right) = extent([left, right, right], columns);
+                pairs.extend((left..=right).map(|column| (row * columns + column, triangle)));
+            }
+            if pairs.len() > most {
+                return false;
             }
         }
         pairs.sort_unstable();
-        self.first = vec![0; rows * self.columns + 1];
+        self.first = vec![0; rows * columns + 1];
         pairs.iter().for_each(|(cell, _)| self.first[cell + 1] += 1);
         (1..self.first.len()).for_each(|at| self.first[at] += self.first[at - 1]);
         self.in_cells = pairs.into_iter().map(|(_, triangle)| triangle).collect();
+        true
     }
 
     /// Its triangles and collapses.
@@ -195,5 +239,16 @@ mod tests {
         assert_eq!(parts(places, [1.0, 0.5]), Some([0.5, 0.25, 0.25]));
         assert_eq!(parts(places, [0.0, 4.0]), Some([-1.0, 0.0, 2.0]));
         assert_eq!(parts([[0.0; 2], [1.0; 2], [2.0; 2]], [1.0, 0.5]), None);
+    }
+
+    #[test]
+    fn triangles_are_found_between_lines() {
+        let places = [[0.0, 0.0], [10.0, 5.0], [0.0, 10.0]];
+        assert_eq!(across(&places, [0.0, 1.0]), Some([0.0, 2.0]));
+        assert_eq!(across(&places, [4.0, 6.0]), Some([0.0, 10.0]));
+        assert_eq!(across(&places, [11.0, 12.0]), None);
+        assert_eq!(across(&[[3.0, 2.0], [7.0, 2.0], [5.0, 2.0]], [2.0, 3.0]), Some([3.0, 7.0]));
+        assert_eq!(extent([-3.0, 2.5, 1.0], 9), (0, 2));
+        assert_eq!(extent([f64::NAN, 200.0, 8.5], 9), (8, 8));
     }
 }
