@@ -46,6 +46,9 @@ fn colours_are_measured_beside_the_source() {
     folder.stdout("synth sphere --triangles 500 -o s.ply -q");
     let error = folder.stderr("measure a.chpm --against s.ply --texture -q", 2);
     assert!(error.contains("no image"), "{error}");
+    std::fs::remove_file(folder.path("a.png")).expect("an image");
+    let error = folder.stderr("measure a.chpm --against a.obj --texture -q", 2);
+    assert!(error.contains("no image"), "{error}");
     let error = folder.stderr("measure a.chpm --against a.obj --texture --memory 1M -q", 2);
     assert!(error.contains("--memory"), "{error}");
 }

@@ -81,7 +81,7 @@ fn print(levels: &[LevelTexture], out: &mut impl Write) -> Result<()> {
             format!("{:.1}", difference.median),
             format!("{:.1}", difference.p95),
             format!("{:.1}", difference.p99),
-            format!("{:.1} dB", difference.psnr),
+            if difference.samples > 0 { format!("{:.1} dB", difference.psnr) } else { "-".to_owned() },
             Units(slide.max).to_string(),
             format!("{:.2}", slide.of_bound),
             count(slide.beyond),

@@ -68,7 +68,8 @@ impl Source {
             }
         }
         progress.end();
-        let textures = input.finish()?.textures.filter(|_| !textured.is_empty());
+        let textures = input.finish()?.textures;
+        let textures = textures.filter(|textures| !textures.images.is_empty() && !textured.is_empty());
         let Some(textures) = textures else { return Err(VerifyError::NoImages { path: path.to_owned() }) };
         textured
             .retain(|triangle| triangle.vertices.iter().all(|vertex| (*vertex as usize) < positions.len()));
