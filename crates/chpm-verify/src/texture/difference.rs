@@ -2,6 +2,8 @@
 
 /// Steps of a difference that are counted apart.
 const STEPS: usize = 16;
+/// Parts of a square of a difference.
+const PARTS: f64 = (1u32 << 20) as f64;
 
 /// How far colours are from the source's: of a sample, the root of the mean square over red, green and blue, of 255.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -39,14 +41,15 @@ pub(super) struct Found {
     pub(super) triangles: u64,
     pub(super) slide: Slide,
     samples: u64,
-    squares: f64,
+    /// In parts: sums of whole numbers are the same in any order.
+    squares: u128,
     counts: Vec<u64>,
 }
 
 impl Default for Found {
     fn default() -> Self {
         let counts = vec![0; 255 * STEPS + 1];
-        Found { triangles: 0, slide: Slide::default(), samples: 0, squares: 0.0, counts }
+        Found { triangles: 0, slide: Slide::default(), samples: 0, squares: 0, counts }
     }
 }
 
@@ -60,7 +63,7 @@ impl Found {
     pub(super) fn add(&mut self, a: [f64; 3], b: [f64; 3]) {
         let square = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>() / 3.0;
         self.samples += 1;
-        self.squares += square;
+        self.squares += (square * PARTS) as u128;
         let step = (square.sqrt() * STEPS as f64).ceil() as usize;
         self.counts[step.min(255 * STEPS)] += 1;
     }
@@ -106,7 +109,7 @@ impl Found {
             });
             step.unwrap_or(0) as f64 / STEPS as f64
         };
-        let mean = self.squares / self.samples.max(1) as f64;
+        let mean = self.squares as f64 / PARTS / self.samples.max(1) as f64;
         Difference {
             samples: self.samples,
             median: within(0.5),

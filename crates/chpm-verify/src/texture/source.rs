@@ -2,7 +2,7 @@
 
 use super::way::{Key, normal_of, parts_of};
 use crate::error::VerifyError;
-use chpm_extmem::{BufferWriter, Cancel, MappedFile, Progress, Store};
+use chpm_extmem::{BufferWriter, Cancel, MappedFile, Progress, Reservation, Store};
 use chpm_format::Chpm;
 use chpm_import::ply::{Batch, BatchKind, Options};
 use chpm_import::{Images, Input, Textures};
@@ -27,6 +27,7 @@ pub(super) struct Source {
     materials: Vec<Material>,
     tiles: Tiles,
     scale: f64,
+    _memory: Reservation,
 }
 
 /// Reads images for one thread.
@@ -73,7 +74,7 @@ impl Source {
         let Some(textures) = textures else { return Err(VerifyError::NoImages { path: path.to_owned() }) };
         textured
             .retain(|triangle| triangle.vertices.iter().all(|vertex| (*vertex as usize) < positions.len()));
-        let _memory =
+        let memory =
             store.budget.reserve_work("a source, to be measured", OF_TRIANGLE * textured.len() as u64)?;
         let tiles = tiles(&textures, &textured, path, store, progress, cancel)?;
 
@@ -84,7 +85,8 @@ impl Source {
             at.entry(Key::of(corners.map(|vertex| positions[vertex as usize]))).or_insert(number);
         }
         let scale = positions.iter().flatten().fold(0.0, |most: f32, x| most.max(x.abs())).into();
-        Ok(Source { bvh, at, positions, triangles: textured, materials: textures.materials, tiles, scale })
+        let (triangles, materials) = (textured, textures.materials);
+        Ok(Source { bvh, at, positions, triangles, materials, tiles, scale, _memory: memory })
     }
 
     /// The largest coordinate.
