@@ -157,7 +157,7 @@ impl OrderArg {
 
 /// [`Normals`].
 #[derive(ValueEnum, Clone, Copy, Debug)]
-enum NormalsArg {
+pub(crate) enum NormalsArg {
     /// Those of the source, if it has any
     Source,
     /// Those of all faces about a vertex in the mean, by area and angle, in 3 bytes: coarse levels then look like the fine one in other programs, too
@@ -167,7 +167,7 @@ enum NormalsArg {
 }
 
 impl NormalsArg {
-    fn normals(self) -> Normals {
+    pub(crate) fn normals(self) -> Normals {
         match self {
             NormalsArg::Source => Normals::Source,
             NormalsArg::Computed => Normals::Computed,

@@ -302,7 +302,8 @@ impl File {
     /// cull : bool
     ///     Leave what is outside the image as coarse as it gets.
     /// texture_size : int
-    ///     Give the mesh the sheets of a file that has them, in images of at most so many texels a side. Vertices are there once for each chart that
+    ///     Give the mesh the sheets of a file that has them, in images of at most so many texels a side; where one is
+    ///     enough, its texels are as fine as fit. Vertices are there once for each chart that
     ///     shows them, and have no colours and no scalars then.
     /// strict : bool
     ///     Raise where the file gives less than was asked for, in place of a ShortfallWarning.

@@ -146,7 +146,8 @@ fn textured(
         let told = "the file has no sheets; build it with texture=\"sheets\" from a source with images";
         return Err(Failure::Asked(told.to_owned()));
     }
-    Ok(Textured::of(Atlases::new(file, cut, side, true).parts(file, || patience.check())?))
+    let atlases = Atlases::new(file, cut, side, true);
+    Ok(Textured::of(atlases.parts(file, || patience.check(), || ())?))
 }
 
 /// Selects, without holding Python up; stops where Ctrl-C was pressed.

@@ -51,7 +51,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     mesh: MeshArgs,
     /// Write the sheets of a file that has them, in images of N texels a side, as many as it takes: into a GLB, or beside an OBJ or a binary PLY.
-    /// Colours of vertices are left out
+    /// Where one is enough, its texels are as fine as fit, up to the source's. Colours of vertices are left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(256..=16384),
           conflicts_with_all = ["tight", "effort", "up", "local_origin", "order"])]
     texture_size: Option<u32>,
@@ -127,7 +127,8 @@ fn take(file: &Chpm<MappedFile>, args: &Args, free: u64, stop: &Stop) -> Result<
         None => (mesh, proven),
     };
     // What its order, or its images, take is known only now.
-    let images = args.texture_size.map_or(0, |side| mesh_file::textured_memory(side, mesh.triangle_count()));
+    let images =
+        args.texture_size.map_or(0, |side| mesh_file::textured_memory(file, side, mesh.triangle_count()));
     let bytes = args.mesh.memory("extract", file)? + args.mesh.order_memory(&mesh) + images;
     memory::divide(file, args.memory.memory(), bytes)?;
     let ready = Ready::new(target, file, &mesh, proven, &cancel)?;

@@ -2,7 +2,7 @@
 
 use super::build::of;
 use super::{Verdict, open, reading};
-use crate::args::{MemorySize, StorageArgs};
+use crate::args::{MemorySize, NormalsArg, StorageArgs};
 use crate::further::{self, Effort};
 use crate::json::{self, made, named};
 use crate::memory;
@@ -44,8 +44,11 @@ pub(crate) struct Args {
     tight: bool,
     #[command(flatten)]
     mesh: MeshArgs,
-    /// Keep the images of the source, in new ones of N texels a side, as many as it takes: into a GLB, or beside an OBJ or a binary PLY. --effort is 1 at
-    /// most then
+    /// Which normals vertices have
+    #[arg(long, value_name = "WHICH", value_enum, default_value_t = NormalsArg::Source, conflicts_with = "no_normals")]
+    normals: NormalsArg,
+    /// Keep the images of the source, in new ones of N texels a side, as many as it takes: into a GLB, or beside an OBJ or a binary PLY. Where one
+    /// is enough, its texels are as fine as fit, up to the source's. --effort is 1 at most then
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(256..=16384),
           conflicts_with_all = ["up", "local_origin", "order"])]
     texture_size: Option<u32>,
@@ -139,8 +142,9 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             None => (mesh, proven),
         };
         // What its order, or its images, take is known only now.
-        let images =
-            args.texture_size.map_or(0, |side| mesh_file::textured_memory(side, mesh.triangle_count()));
+        let images = args
+            .texture_size
+            .map_or(0, |side| mesh_file::textured_memory(&file, side, mesh.triangle_count()));
         let bytes = args.mesh.memory("simplify", &file)? + args.mesh.order_memory(&mesh) + images;
         memory::divide(&file, config.resources.memory, bytes)?;
         let ready = Ready::new(target, &file, &mesh, proven, &cancel)?;
@@ -206,7 +210,7 @@ fn config(args: &Args) -> Result<BuildConfig> {
         MemorySize(memory),
         MemorySize(least)
     );
-    let normals = if args.mesh.no_normals { Normals::None } else { Normals::Source };
+    let normals = if args.mesh.no_normals { Normals::None } else { args.normals.normals() };
     let (colors, drop_invalid) = (!args.mesh.no_colors || args.texture_size.is_some(), args.drop_invalid);
     let texture = if args.texture_size.is_some() { Texture::Sheets } else { Texture::FoundForVertices };
     let threads = args.threads.count();

@@ -16,8 +16,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Bytes that writing takes for a mesh of so many triangles.
-pub(crate) fn memory(side: u32, triangles: u64) -> u64 {
-    Atlases::memory(side, triangles)
+pub(crate) fn memory(file: &Chpm<MappedFile>, side: u32, triangles: u64) -> u64 {
+    Atlases::memory(file, side, triangles)
 }
 
 /// Files beside an output.
@@ -78,10 +78,7 @@ impl Ready<'_, '_> {
         facts.scalars.clear();
         let atlases = Atlases::new(file, cut, side, !target.args.no_normals);
         meter.start("write", atlases.len() as u64);
-        let parts = atlases.parts(file, || {
-            meter.add(1);
-            stop::check(cancel)
-        })?;
+        let parts = atlases.parts(file, || stop::check(cancel), || meter.add(1))?;
 
         let mut beside = Beside { output: path, force: target.args.force, written: Vec::new() };
         let comment = format!("chpm {}, error {:e}", target.by, bounds.error);

@@ -279,6 +279,40 @@ fn facets_that_single_precision_would_make_points_of_are_kept() {
     assert!(value["origin"].is_null() && value["warnings"] == serde_json::json!([]), "{value}");
 }
 
+/// Other programs shade a mesh without normals flat, however smooth its source was.
+#[test]
+fn a_smaller_mesh_has_the_normals_of_all_of_its_source() {
+    let folder = Folder::new();
+    folder.stdout("synth sphere --triangles 20000 -o in.ply -q");
+    let bare = {
+        let mesh = folder.read_mesh("in.ply");
+        TriMesh::new(mesh.positions.clone(), mesh.triangles.clone())
+    };
+    folder.write_mesh("bare.ply", &bare);
+    for (ask, has) in [("", false), ("--normals computed", true), ("--normals none", false)] {
+        for name in ["out.ply", "out.glb"] {
+            folder.stdout(&format!("simplify bare.ply --triangles 400 -o {name} -qf {ask}"));
+            let normals = match name {
+                "out.ply" => folder.read_mesh("out.ply").normals.clone(),
+                _ => Glb::read(&folder.read("out.glb")).mesh.normals.clone(),
+            };
+            assert_eq!(!normals.is_empty(), has, "{name} {ask}");
+        }
+    }
+    // Those of the source, which a mesh of 400 triangles would give by some degrees only.
+    folder.stdout("simplify bare.ply --triangles 400 -o out.ply -qf --normals computed");
+    let (mesh, out) = (folder.read_mesh("in.ply"), folder.read_mesh("out.ply"));
+    let middle: [f64; 3] = [0, 1, 2]
+        .map(|i| mesh.positions.iter().map(|p| f64::from(p[i])).sum::<f64>() / mesh.positions.len() as f64);
+    for (position, normal) in out.positions.iter().zip(&out.normals) {
+        let outward = [0, 1, 2].map(|i| f64::from(position[i]) - middle[i]);
+        let length = outward.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let cosine: f64 = outward.iter().zip(normal).map(|(x, n)| x / length * f64::from(*n)).sum();
+        assert!(cosine > 0.999, "{position:?} {normal:?}: {cosine}");
+    }
+    folder.stderr("simplify bare.ply --triangles 400 -o out.ply -qf --normals source --no-normals", 2);
+}
+
 #[test]
 fn a_mesh_is_turned_moved_and_stripped_as_asked_for() {
     let (folder, mesh) = colored();

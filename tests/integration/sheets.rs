@@ -270,7 +270,7 @@ fn tiles_show_sheets() {
     let mut seen = 0;
     for name in tiles.iter().filter(|name| name.ends_with(".glb")) {
         let glb = format!("tiles/tiles/000/{name}");
-        seen += seen_board(centers_of(&folder, "a.chpm", &glb), &glb, |place| place);
+        seen += seen_board(points_of(&folder, "a.chpm", &glb, &[[1.0 / 3.0; 3]]), &glb, |place| place);
     }
     assert!(seen > 400, "{seen} triangles");
     folder.stdout("export a.chpm --3dtiles packed --meshopt -q");
@@ -433,10 +433,16 @@ fn sources_of_as_many_charts_as_triangles() {
 
 /// Middles of the triangles of a GLB that was taken from a file, in the model's coordinates, and the texel of each.
 pub(crate) fn centers(folder: &Folder, glb: &str) -> Vec<([f64; 2], [u8; 3])> {
-    centers_of(folder, &glb.replace(".glb", ".chpm"), glb)
+    points_of(folder, &glb.replace(".glb", ".chpm"), glb, &[[1.0 / 3.0; 3]])
 }
 
-fn centers_of(folder: &Folder, chpm: &str, glb: &str) -> Vec<([f64; 2], [u8; 3])> {
+/// The same of points of each triangle, given the shares of its corners in them.
+pub(crate) fn points_of(
+    folder: &Folder,
+    chpm: &str,
+    glb: &str,
+    shares: &[[f64; 3]],
+) -> Vec<([f64; 2], [u8; 3])> {
     let text = folder.stdout(&format!("dump {chpm}"));
     let origin = text.split("origin [").nth(1).and_then(|rest| rest.split(']').next()).expect("an origin");
     let origin: Vec<f64> = origin.split(", ").map(|x| x.parse().expect("a number")).collect();
@@ -473,9 +479,11 @@ fn centers_of(folder: &Folder, chpm: &str, glb: &str) -> Vec<([f64; 2], [u8; 3])
         let mut rows = chpm_image::ImageRows::open(std::io::Cursor::new(image), u64::MAX).expect("an image");
         let ([width, height], mut pixels) = (rows.size(), Vec::new());
         rows.read_rows(height as usize, &mut pixels).expect("pixels");
-        for corners in indices.as_chunks::<3>().0 {
+        for (corners, shares) in
+            indices.as_chunks::<3>().0.iter().flat_map(|corners| shares.iter().map(move |of| (corners, of)))
+        {
             let mean = |values: &[f32], step: usize, at: usize| -> f64 {
-                corners.iter().map(|v| f64::from(values[v * step + at])).sum::<f64>() / 3.0
+                corners.iter().zip(shares).map(|(v, share)| share * f64::from(values[v * step + at])).sum()
             };
             let [x, y] = [(0, width), (1, height)].map(|(at, side)| mean(&places, 2, at) * f64::from(side));
             let [r, g, b, _] = pixels[y as usize * width as usize + x as usize];
@@ -486,17 +494,57 @@ fn centers_of(folder: &Folder, chpm: &str, glb: &str) -> Vec<([f64; 2], [u8; 3])
     found
 }
 
+/// The share of a picture's pixels that show the model.
+#[cfg(feature = "viewer")]
+fn share_of_model(folder: &Folder, name: &str, ask: &str) -> f64 {
+    let camera = "--camera 0.5,0.5,3,0.5,0.5,0,19 --up y --viewport 512x512 --adapter software --transparent";
+    folder.stdout(&format!("render {name}.chpm -o {name}.png -f -q {camera} {ask}"));
+    let (.., pixels) = picture(folder, &format!("{name}.png"));
+    pixels.iter().map(|pixel| f64::from(pixel[3]) / 255.0).sum::<f64>() / pixels.len() as f64
+}
+
+#[cfg(feature = "viewer")]
+#[test]
+fn sheets_are_drawn_with_their_holes() {
+    let folder = textured();
+    folder.write("a.mtl", "newmtl a\nmap_Kd a.png\nmap_d a.png\n");
+    // A hole on the right, and a third of it seen above on the left.
+    let alpha = |u: f64, v: f64| {
+        if u > 0.5 {
+            0
+        } else if v > 0.5 {
+            85
+        } else {
+            255
+        }
+    };
+    let veiled = |u: f64, v: f64| [&board(u, v)[..], &[alpha(u, v)]].concat();
+    folder.write("a.png", png(256, veiled, png::ColorType::Rgba));
+    folder.stdout(&format!("build a.obj -o holes.chpm {BUILD}"));
+    folder.stdout(&format!("build a.obj -o whole.chpm {}", BUILD.replace("sheets", "none")));
+    for ask in ["--poe 0", "--triangles 700", "--poe 0 --samples 1"] {
+        let [holes, whole] = ["holes", "whole"].map(|name| share_of_model(&folder, name, ask));
+        let share = holes / whole;
+        assert!((share - (0.25 + 0.25 / 3.0)).abs() < 0.01, "{ask}: {share}");
+    }
+}
+
 #[test]
 fn holes_in_images_come_through_as_png() {
     let folder = textured();
     let veiled = |u: f64, v: f64| [&board(u, v)[..], &[if u > 0.5 { 0 } else { 255 }]].concat();
     folder.write("a.png", png(256, veiled, png::ColorType::Rgba));
+    // Alpha is nothing unless the material says that it is looked at.
+    folder.stdout(&format!("build a.obj -o opaque.chpm {BUILD}"));
+    assert!(folder.stdout("dump opaque.chpm").contains(" jpeg charts "));
+    folder.write("a.mtl", "newmtl a\nmap_Kd a.png\nmap_d a.png\n");
     folder.stdout(&format!("build a.obj -o a.chpm {BUILD}"));
     folder.stdout("verify a.chpm -q");
     assert!(folder.stdout("dump a.chpm").contains(" png charts "));
     folder.stdout("extract a.chpm --error 0 --texture-size 1024 -o a.glb -q");
     let json = folder.read("a.glb");
     assert!(json.windows(9).any(|bytes| bytes == b"image/png"));
+    assert!(json.windows(18).any(|bytes| bytes == b"\"alphaMode\":\"MASK\""));
     // Vertices get the means of what is about them, alpha and all.
     folder.stdout("build a.glb -o back.chpm -q");
     folder.stdout("extract back.chpm --error 0 -o back.ply -q");

@@ -218,6 +218,8 @@ export function withThree(THREE) {
       if (!part || part.texture) return texture.mipmaps.forEach((bitmap) => bitmap.close());
       const copies = new Copies(part.page, sheet);
       const material = Object.assign(this.material.clone(), { map: texture, vertexColors: false });
+      // Only what is not opaque is a PNG.
+      if (sheet.type === "image/png" && !material.alphaTest) material.alphaTest = 0.5;
       this.cache.remove(part);
       part.mesh.geometry.dispose();
       Object.assign(part.mesh, { geometry: geometry(THREE, part.page, part.n, copies), material });

@@ -72,9 +72,18 @@ vec3 encoded(vec3 light) {
   return mix(12.92 * light, 1.055 * pow(max(light, 0.0031308), vec3(1.0 / 2.4)) - 0.055, step(0.0031308, light));
 }
 
+// Whether a pixel is among those that are left out where only a share is seen: of 4 x 4, in the order of Bayer.
+bool is_left_out(float share) {
+  ivec2 place = ivec2(gl_FragCoord.xy);
+  int both = place.x ^ place.y;
+  int order = ((both & 1) << 3) | ((place.y & 1) << 2) | (both & 2) | ((place.y & 2) >> 1);
+  return 16.0 * share < float(order) + 0.5;
+}
+
 void main() {
-  vec3 own = painted ? encoded(texture(sheet, texel).rgb) : tint.rgb;
-  if (dot(clip.xyz, at) > clip.w) discard;
+  vec4 shown = painted ? texture(sheet, texel) : vec4(0.0, 0.0, 0.0, 1.0);
+  vec3 own = painted ? encoded(shown.rgb) : tint.rgb;
+  if (dot(clip.xyz, at) > clip.w || is_left_out(shown.a)) discard;
   vec3 to_eye = normalize(eye - at);
   // Both sides of a surface are lit.
   vec3 plane = normalize(cross(dFdx(at), dFdy(at)));

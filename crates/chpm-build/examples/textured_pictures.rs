@@ -54,7 +54,8 @@ fn read(path: &Path) -> Result<Mesh, Box<dyn Error>> {
     mesh.textured.extend(&batch.textured);
     if let Some(textures) = input.finish()?.textures {
         for image in &textures.images {
-            let mut rows = ImageRows::open(image.open()?, u64::MAX)?;
+            let opened = image.open()?;
+            let mut rows = ImageRows::open(opened.bytes, u64::MAX)?.with_alpha(opened.alpha);
             let mut pixels = Vec::new();
             let size = rows.size().map(|side| side as usize);
             rows.read_rows(size[1], &mut pixels)?;

@@ -7,6 +7,7 @@
 
 mod atlas;
 mod error;
+mod finer;
 mod glb;
 mod gltf;
 mod obj;

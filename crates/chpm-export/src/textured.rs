@@ -30,6 +30,8 @@ pub struct TexturedPart {
     pub image: PartImage,
     /// Whether the image is a PNG, some of which is not opaque; a JPEG if not.
     pub is_png: bool,
+    /// Whether alpha is to be blended; if not, what is half seen or more is opaque, and the rest is left out.
+    pub is_blended: bool,
 }
 
 /// Where the image of a part is.
@@ -195,7 +197,7 @@ pub fn write_textured<W: Write>(
             "pbrMetallicRoughness": { "metallicFactor": 0, "baseColorTexture": { "index": number } },
         });
         if part.is_png {
-            material["alphaMode"] = "BLEND".into();
+            material["alphaMode"] = if part.is_blended { "BLEND" } else { "MASK" }.into();
         }
         materials.push(material);
     }
@@ -257,6 +259,7 @@ mod tests {
             triangles: vec![[0, 1, 2]],
             image: PartImage::Inside(image.to_vec()),
             is_png: x > 0.0,
+            is_blended: x > 0.0,
         };
         let parts = [part(0.0, b"first"), part(7.0, b"second!")];
         let bytes = write_textured(Vec::new(), &facts, &parts, false).unwrap();

@@ -95,9 +95,12 @@ fn obj(
     writer.flush()
 }
 
-/// Materials of an OBJ, each with the image of its number.
+/// Materials of an OBJ, each with the image of its number. Those of PNGs say that alpha counts, since only what is not opaque is a PNG.
 pub fn textured_mtl(images: &[String]) -> String {
-    let one = |(number, name): (usize, &String)| format!("newmtl image{number}\nKd 1 1 1\nmap_Kd {name}\n");
+    let one = |(number, name): (usize, &String)| {
+        let alpha = if name.ends_with(".png") { format!("map_d {name}\n") } else { String::new() };
+        format!("newmtl image{number}\nKd 1 1 1\nmap_Kd {name}\n{alpha}")
+    };
     images.iter().enumerate().map(one).collect()
 }
 

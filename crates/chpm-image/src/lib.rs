@@ -4,6 +4,7 @@
 //! bytes come out on every machine. Everything here takes untrusted bytes.
 #![forbid(unsafe_code)]
 
+mod alpha;
 mod encode;
 mod error;
 mod forward;
@@ -11,6 +12,7 @@ mod jpeg;
 mod png;
 mod rows;
 
+pub use alpha::Alpha;
 pub use encode::{Encoded, encode};
 pub use error::ImageError;
 pub use rows::ImageRows;

@@ -1,8 +1,8 @@
 //! Rows of an image in any format that is read.
 
-use crate::ImageError;
 use crate::jpeg::JpegRows;
 use crate::png::PngRows;
+use crate::{Alpha, ImageError};
 use std::io::{BufRead, Cursor, Read};
 
 /// The longest side of an image.
@@ -26,6 +26,7 @@ pub struct ImageRows {
     size: [u32; 2],
     /// Rows that were handed out.
     done: u32,
+    alpha: Alpha,
 }
 
 /// A reader of one format.
@@ -58,7 +59,13 @@ impl ImageRows {
         if size.iter().any(|side| !(1..=LONGEST).contains(side)) {
             return Err(ImageError::Size { size });
         }
-        Ok(ImageRows { codec, size, done: 0 })
+        Ok(ImageRows { codec, size, done: 0, alpha: Alpha::Kept })
+    }
+
+    /// The same, with the alpha that is meant instead of what the image holds.
+    #[must_use]
+    pub fn with_alpha(self, alpha: Alpha) -> Self {
+        ImageRows { alpha, ..self }
     }
 
     /// Width and height.
@@ -82,6 +89,7 @@ impl ImageRows {
             self.codec.read_row(out)?;
             self.done += 1;
         }
+        self.alpha.apply(out);
         Ok(count)
     }
 }

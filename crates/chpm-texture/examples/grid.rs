@@ -2,10 +2,10 @@
 //! and tells time of the processor and the peak of memory.
 
 use chpm_extmem::{Cancel, MemoryBudget, Store, process};
-use chpm_texture::{Averager, Images, Material, TexturedTriangle, Wrap};
+use chpm_texture::{Alpha, Averager, Images, Material, OpenedImage, TexturedTriangle, Wrap};
 use std::error::Error;
 use std::fs::File;
-use std::io::{self, BufRead, BufReader};
+use std::io::BufReader;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let words: Vec<String> = std::env::args().collect();
@@ -27,7 +27,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let material = Material { image: Some(0), factor: [1.0; 4], wrap: [Wrap::Repeat; 2] };
     let mut open =
-        |_: u32| -> io::Result<Box<dyn BufRead + Send>> { Ok(Box::new(BufReader::new(File::open(image)?))) };
+        |_: u32| Ok(OpenedImage { bytes: Box::new(BufReader::new(File::open(image)?)), alpha: Alpha::Kept });
     let count = (side as usize + 1).pow(2);
     let colors = averager.finish(&[material], &mut Images::Files(&mut open), count, &Cancel::default())?;
 

@@ -5,16 +5,26 @@ use crate::piece::strip_height;
 use crate::texels::Texels;
 use crate::tiles::{TileRows, Tiles};
 use chpm_extmem::{Cancel, ExtmemError, Reservation, Store};
-use chpm_image::{ImageError, ImageRows};
+use chpm_image::{Alpha, ImageError, ImageRows};
 use std::collections::BTreeMap;
 use std::io::{self, BufRead};
 
+/// An image from its first byte on.
+pub struct OpenedImage {
+    /// The file's.
+    pub bytes: Box<dyn BufRead + Send>,
+    /// The meaning of its alpha.
+    pub alpha: Alpha,
+}
+
 /// Opens an image by its number. An image may be opened twice: for its size, then for its pixels.
-pub type OpenImage<'a> = dyn FnMut(u32) -> io::Result<Box<dyn BufRead + Send>> + 'a;
+pub type OpenImage<'a> = dyn FnMut(u32) -> io::Result<OpenedImage> + 'a;
 
 fn open(image: u32, memory: u64, open_image: &mut OpenImage<'_>) -> Result<ImageRows, TextureError> {
-    let bytes = open_image(image).map_err(|source| TextureError::Open { image, source })?;
-    ImageRows::open(bytes, memory).map_err(|source| TextureError::Image { image, source })
+    let OpenedImage { bytes, alpha } =
+        open_image(image).map_err(|source| TextureError::Open { image, source })?;
+    let rows = ImageRows::open(bytes, memory).map_err(|source| TextureError::Image { image, source })?;
+    Ok(rows.with_alpha(alpha))
 }
 
 /// Width and height of an image.

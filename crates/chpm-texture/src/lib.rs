@@ -21,9 +21,10 @@ mod tiles;
 mod triangle;
 
 pub use averager::Averager;
+pub use chpm_image::Alpha;
 pub use colors::VertexColors;
 pub use error::TextureError;
-pub use images::{Images, OpenImage};
+pub use images::{Images, OpenImage, OpenedImage};
 pub use material::{Material, Wrap};
 pub use srgb::srgb_product;
 pub use texels::texel as linear_texel;

@@ -281,8 +281,9 @@ impl Pixels for TileReader<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Alpha, OpenedImage};
     use chpm_extmem::BufferWriter;
-    use std::io::{self, BufRead, Cursor};
+    use std::io::{self, Cursor};
 
     fn image(width: u32, height: u32) -> Vec<u8> {
         let mut bytes = Vec::new();
@@ -292,6 +293,10 @@ mod tests {
             (0..width * height).flat_map(|at| [(at % width) as u8, (at / width) as u8, 9]).collect();
         encoder.write_header().unwrap().write_image_data(&pixels).unwrap();
         bytes
+    }
+
+    fn opened(bytes: Vec<u8>) -> io::Result<OpenedImage> {
+        Ok(OpenedImage { bytes: Box::new(Cursor::new(bytes)), alpha: Alpha::Kept })
     }
 
     /// Triangles of one material after the other, with the corners of their coordinates' boxes.
@@ -308,8 +313,7 @@ mod tests {
     fn what_nothing_shows_is_not_kept_and_has_the_mean_of_the_rest() {
         let dir = tempfile::tempdir().unwrap();
         let store = Store::create(dir.path(), 64 << 20).unwrap();
-        let mut open =
-            |_: u32| -> io::Result<Box<dyn BufRead + Send>> { Ok(Box::new(Cursor::new(image(250, 130)))) };
+        let mut open = |_: u32| opened(image(250, 130));
         let materials = [Material { image: Some(0), factor: [1.0; 4], wrap: [Wrap::Clamp; 2] }];
         // In the second tile of the first row, and far from its sides.
         let shown =
@@ -340,9 +344,9 @@ mod tests {
     #[test]
     fn any_texel_is_found_in_memory_and_on_disk() {
         let sizes = [[200, 130], [5, 3], [64, 64]];
-        let mut open = |number: u32| -> io::Result<Box<dyn BufRead + Send>> {
+        let mut open = |number: u32| {
             let [width, height] = sizes[number as usize];
-            Ok(Box::new(Cursor::new(image(width, height))))
+            opened(image(width, height))
         };
         let wrap = [Wrap::Repeat, Wrap::Clamp];
         let materials: Vec<Material> =

@@ -1,8 +1,10 @@
 //! Averages against sums over single texels, in any budget and order, and the cases that are hard.
 
 use chpm_extmem::{Cancel, Store};
-use chpm_texture::{Averager, Images, Material, OpenImage, TextureError, TexturedTriangle, Wrap};
-use std::io::{self, BufRead, Cursor};
+use chpm_texture::{
+    Alpha, Averager, Images, Material, OpenImage, OpenedImage, TextureError, TexturedTriangle, Wrap,
+};
+use std::io::{self, Cursor};
 
 /// Pixels of an image.
 struct Picture {
@@ -87,8 +89,9 @@ fn averaged(
     let store = Store::create(folder.path(), memory).unwrap();
     let mut averager = Averager::new(&store)?;
     triangles.iter().try_for_each(|triangle| averager.push(triangle))?;
-    let mut open = |image: u32| -> io::Result<Box<dyn BufRead + Send>> {
-        Ok(Box::new(Cursor::new(images.get(image as usize).ok_or(io::ErrorKind::NotFound)?.clone())))
+    let mut open = |image: u32| -> io::Result<OpenedImage> {
+        let bytes = images.get(image as usize).ok_or(io::ErrorKind::NotFound)?.clone();
+        Ok(OpenedImage { bytes: Box::new(Cursor::new(bytes)), alpha: Alpha::Kept })
     };
     let open: &mut OpenImage<'_> = &mut open;
     let colors = averager.finish(materials, &mut Images::Files(open), count, &Cancel::default())?;
@@ -370,7 +373,7 @@ fn a_request_to_stop_is_heard() {
     averager.push(&triangle).unwrap();
     let cancel = Cancel::default();
     cancel.cancel();
-    let mut open = |_: u32| -> io::Result<Box<dyn BufRead + Send>> { Err(io::ErrorKind::NotFound.into()) };
+    let mut open = |_: u32| -> io::Result<OpenedImage> { Err(io::ErrorKind::NotFound.into()) };
     let ended =
         averager.finish(&[material(Some(0), Wrap::Repeat)], &mut Images::Files(&mut open), 1, &cancel);
     assert!(matches!(ended, Err(TextureError::Cancelled(_))));

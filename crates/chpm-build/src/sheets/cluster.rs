@@ -1,7 +1,7 @@
 //! The sheet of one cluster.
 
 use super::found::{Found, Shown};
-use super::raw::{Raw, RawRef, RawSheet};
+use super::raw::{Raw, RawRef};
 use super::seams::Seams;
 use super::too_many;
 use crate::context::Context;
@@ -11,13 +11,11 @@ use crate::trim::Built;
 use chpm_extmem::TaskReservation;
 use chpm_format::Page;
 use chpm_mesh::Places;
-use chpm_texture::sheet::{Paint, Pixels, Plan, Region, Surface, Texel, rows};
+use chpm_texture::sheet::{Below, Paint, Pixels, Plan, Sampled, Surface, texel_side};
 use chpm_texture::{TextureError, TileReader};
 
 /// How much larger a parent's texels are than its children's: half as many texels, as there are half as many triangles.
 const COARSER: f64 = std::f64::consts::SQRT_2;
-/// Bits of a chart's number below the child's.
-const CHART_BITS: u32 = 16;
 /// Colour of what shows nothing.
 const GREY: [u8; 4] = [128, 128, 128, 255];
 
@@ -89,7 +87,7 @@ impl Cluster<'_> {
             };
             let [width, height] = tiles.size(image).map(f64::from);
             let places = uv.map(|[u, v]| [f64::from(u) * width, (1.0 - f64::from(v)) * height]);
-            scratch.texels[triangle] = self.painted.coarser(image) * texel(corners, places);
+            scratch.texels[triangle] = self.painted.coarser(image) * texel_side(corners, places);
             scratch.paints[triangle] = Paint::Image { image: shown.wedge.material, corners: places, factor };
         }
         scratch.seams.limit(page, &scratch.paints, &mut scratch.texels);
@@ -109,7 +107,7 @@ impl Cluster<'_> {
         let refs = children.map(|child| self.raws[child as usize]);
         let memory: u64 = refs.iter().flatten().map(RawRef::memory).sum();
         let reading = context.store.budget.reserve_task("sheets of children", memory)?;
-        let mut sheets = Children::default();
+        let mut sheets = Below(vec![Sampled::default(); children.len()]);
         scratch.below.clear();
         for (number, child) in (0..).zip(children) {
             let Some(raw) = refs[number as usize] else { continue };
@@ -138,14 +136,9 @@ impl Cluster<'_> {
         for (place, triangle) in &scratch.here {
             while below.next_if(|(other, ..)| other < place).is_some() {}
             let Some((_, child, of_child)) = below.next_if(|(other, ..)| other == place) else { continue };
-            let sheet = &sheets.0[*child as usize];
-            let number = sheet.chart_of[*of_child as usize];
-            let chart = &sheet.charts[usize::from(number)];
-            let places = corners_of(*triangle).map(|corner| chart.place(sheet.origin, corner));
-            let at = *triangle as usize;
-            scratch.texels[at] = COARSER * texel(corners_of(*triangle), places);
-            let image = *child << CHART_BITS | u32::from(number);
-            scratch.paints[at] = Paint::Image { image, corners: places, factor: [255; 4] };
+            let (paint, texel) = sheets.paint(*child, *of_child, corners_of(*triangle));
+            (scratch.paints[*triangle as usize], scratch.texels[*triangle as usize]) =
+                (paint, COARSER * texel);
         }
         let least = f64::from(page.min_error) / 2.0;
         // What is reserved up to here is given back before more is: tasks that wait for each other would wait for ever.
@@ -188,46 +181,5 @@ fn failed(error: TextureError) -> BuildError {
         TextureError::Extmem(error) => error.into(),
         TextureError::Cancelled(stop) => stop.into(),
         error => BuildError::Record(error.to_string()),
-    }
-}
-
-/// The side of a texel of a triangle, in units of the model; no number where it has no area, here or in the image.
-fn texel(corners: [[f32; 3]; 3], places: [[f64; 2]; 3]) -> f64 {
-    let [a, b, c] = corners.map(|corner| corner.map(f64::from));
-    let [u, v]: [[f64; 3]; 2] = [b, c].map(|other| std::array::from_fn(|i| other[i] - a[i]));
-    let normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-    let area = (normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]).sqrt();
-    let [p, q, r] = places;
-    let texels = ((q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])).abs();
-    let side = (area / texels).sqrt();
-    if side.is_finite() && side > 0.0 { side } else { f64::NAN }
-}
-
-/// Sheets of two children: numbers of images are those of a child and one of its charts.
-#[derive(Default)]
-struct Children([RawSheet; 2]);
-
-impl Pixels for Children {
-    fn region<'a>(
-        &'a mut self,
-        image: u32,
-        column: i64,
-        row: i64,
-        room: &'a mut Region,
-    ) -> Result<[&'a [Texel; 4]; 4], TextureError> {
-        let sheet = &self.0[(image >> CHART_BITS) as usize];
-        // Beyond its rectangle is another chart.
-        let [left, top, width, height] = sheet.charts[(image & 0xffff) as usize].rect.map(i64::from);
-        let (right, bottom) = (left + width, top + height);
-        if column >= left && column + 4 <= right && row >= top && row + 4 <= bottom {
-            return Ok(rows(&sheet.texels, row as usize * sheet.width + column as usize, sheet.width));
-        }
-        for (line, out) in (row..).zip(room.iter_mut()) {
-            let line = line.clamp(top, bottom - 1) as usize * sheet.width;
-            for (at, out) in (column..).zip(out) {
-                *out = sheet.texels[line + at.clamp(left, right - 1) as usize];
-            }
-        }
-        Ok(room.each_ref())
     }
 }

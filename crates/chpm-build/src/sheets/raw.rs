@@ -4,7 +4,7 @@ use crate::error::BuildError;
 use chpm_extmem::{Spool, Store};
 use chpm_mesh::Chart;
 use chpm_texture::linear_texel;
-use chpm_texture::sheet::{Plan, Texel};
+use chpm_texture::sheet::{Plan, Sampled, Texel};
 
 /// Bytes of a texel as it lies there, and how many are read at once.
 const PIXEL: u64 = 4;
@@ -22,16 +22,6 @@ pub(super) struct RawRef {
     charts: u32,
     triangles: u32,
     size: [u32; 2],
-}
-
-/// A sheet that was read.
-#[derive(Default, Debug)]
-pub(super) struct RawSheet {
-    pub(super) origin: [f32; 3],
-    pub(super) charts: Vec<Chart>,
-    pub(super) chart_of: Vec<u16>,
-    pub(super) width: usize,
-    pub(super) texels: Vec<Texel>,
 }
 
 impl RawRef {
@@ -61,7 +51,7 @@ impl Raw {
         Ok(RawRef { layout, texels, charts, triangles, size: plan.size })
     }
 
-    pub(super) fn read(&self, at: &RawRef, out: &mut RawSheet) -> Result<(), BuildError> {
+    pub(super) fn read(&self, at: &RawRef, out: &mut Sampled) -> Result<(), BuildError> {
         let (charts, triangles) = (at.charts as usize, at.triangles as usize);
         let lens = [12, size_of::<Chart>() * charts, 2 * triangles];
         let mut bytes = Vec::new();

@@ -138,6 +138,7 @@ fn textured(
         triangles,
         image,
         is_png: sheet.record.codec() == Some(ImageCodec::Png),
+        is_blended: false,
     }
 }
 

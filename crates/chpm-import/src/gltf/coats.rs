@@ -5,7 +5,7 @@ use super::views::{Region, Views, unescaped};
 use crate::error::ImportError;
 use crate::texture::{Image, Images, Table, beside};
 use chpm_extmem::Store;
-use chpm_texture::Wrap;
+use chpm_texture::{Alpha, Wrap};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -23,6 +23,8 @@ pub(super) struct Looks {
 #[derive(Deserialize, Default)]
 #[serde(rename_all = "camelCase", default)]
 struct Material {
+    alpha_mode: Option<String>,
+    alpha_cutoff: Option<f64>,
     pbr_metallic_roughness: Pbr,
     extensions: MaterialExtensions,
 }
@@ -170,8 +172,8 @@ impl Coats {
 
 struct Finder<'a, 'b, 'c> {
     looks: &'a Looks,
-    /// Images by their numbers.
-    found: BTreeMap<u32, Option<u32>>,
+    /// Images by their numbers, and by what their alpha means.
+    found: BTreeMap<(u32, Alpha), Option<u32>>,
     table: Table,
     places: Places<'b, 'c>,
 }
@@ -185,17 +187,23 @@ impl Finder<'_, '_, '_> {
             (factor, info) = (glossiness.diffuse_factor, glossiness.diffuse_texture.as_ref());
         }
 
-        let factor = encoded(factor.unwrap_or([1.0; 4]));
+        let (factor, alpha) = material.shown(factor.unwrap_or([1.0; 4]));
+        let factor = encoded(factor);
         let plain = self.table.plain(factor)?;
-        let painted = info.map(|info| self.painted(info, factor)).transpose()?;
+        let painted = info.map(|info| self.painted(info, factor, alpha)).transpose()?;
         Ok(Coat { plain, painted })
     }
 
-    fn painted(&mut self, info: &TextureInfo, factor: [f32; 4]) -> Result<Painted, ImportError> {
+    fn painted(
+        &mut self,
+        info: &TextureInfo,
+        factor: [f32; 4],
+        alpha: Alpha,
+    ) -> Result<Painted, ImportError> {
         let texture = self.looks.textures.get(info.index as usize);
         let image = texture.and_then(|texture| texture.source);
         let image = match image {
-            Some(number) => self.image(number)?,
+            Some(number) => self.image(number, alpha)?,
             None => {
                 self.table.lose("texture", &info.index.to_string(), "is of no kind that is read")?;
                 None
@@ -213,14 +221,14 @@ impl Finder<'_, '_, '_> {
         Ok(Painted { material, set, transform: moved.rows() })
     }
 
-    fn image(&mut self, number: u32) -> Result<Option<u32>, ImportError> {
-        if let Some(found) = self.found.get(&number) {
+    fn image(&mut self, number: u32, alpha: Alpha) -> Result<Option<u32>, ImportError> {
+        if let Some(found) = self.found.get(&(number, alpha)) {
             return Ok(*found);
         }
         let name = format!("number {number}");
         let found = match self.looks.images.get(number as usize) {
-            Some(ImageOf { uri: Some(uri), .. }) if !uri.starts_with("data:") => self.outside(uri)?,
-            Some(image) => match self.inside(image, &name) {
+            Some(ImageOf { uri: Some(uri), .. }) if !uri.starts_with("data:") => self.outside(uri, alpha)?,
+            Some(image) => match self.inside(image, &name, alpha) {
                 None => None,
                 Some(Ok(image)) => self.table.image(&name, image)?,
                 Some(Err(why)) => {
@@ -233,21 +241,21 @@ impl Finder<'_, '_, '_> {
                 None
             }
         };
-        self.found.insert(number, found);
+        self.found.insert((number, alpha), found);
         Ok(found)
     }
 
-    fn outside(&mut self, uri: &str) -> Result<Option<u32>, ImportError> {
+    fn outside(&mut self, uri: &str, alpha: Alpha) -> Result<Option<u32>, ImportError> {
         let name = unescaped(uri).unwrap_or_else(|| uri.to_owned());
         let found = match self.places.is_pipe {
             true => Err("lies beside a file, and this is a pipe".to_owned()),
             false => beside::find(&name, self.places.path),
         };
-        self.table.file(&name, found)
+        self.table.file(&name, found, alpha)
     }
 
     /// An image in the file itself, or why it cannot be had; none if that is not asked for.
-    fn inside(&mut self, image: &ImageOf, name: &str) -> Option<Result<Image, String>> {
+    fn inside(&mut self, image: &ImageOf, name: &str, alpha: Alpha) -> Option<Result<Image, String>> {
         let (views, data, payloads) = self.places.inner.as_mut()?;
         let region = match (&image.uri, image.buffer_view) {
             (Some(uri), _) => {
@@ -260,8 +268,23 @@ impl Finder<'_, '_, '_> {
             (None, Some(view)) => views.view(view).map(|(region, _)| region),
             (None, None) => return Some(Err("is nowhere".to_owned())),
         };
-        let image = region.and_then(|region| region.image(name.to_owned()));
+        let image = region.and_then(|region| region.image(name.to_owned(), alpha));
         Some(image.map_err(|error| format!("cannot be read: {error}")))
+    }
+}
+
+impl Material {
+    /// The factor of colours, and what alpha means.
+    fn shown(&self, [r, g, b, a]: [f64; 4]) -> ([f64; 4], Alpha) {
+        match self.alpha_mode.as_deref() {
+            Some("BLEND") => ([r, g, b, a], Alpha::Kept),
+            Some("MASK") => {
+                // What counts is the product with the factor.
+                let least = self.alpha_cutoff.unwrap_or(0.5) / a * 255.0;
+                ([r, g, b, 1.0], Alpha::Cut(least.ceil().clamp(0.0, 255.0) as u8))
+            }
+            _ => ([r, g, b, 1.0], Alpha::Ignored),
+        }
     }
 }
 

@@ -7,6 +7,7 @@ use crate::error::{ImportError, SourceError};
 use crate::texture::Image;
 use chpm_extmem::platform::read_exact_at;
 use chpm_extmem::{Cancel, ExtmemError, FailPoints, Store};
+use chpm_texture::Alpha;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Write;
@@ -50,10 +51,10 @@ impl Region {
     }
 
     /// An image whose bytes these are.
-    pub(super) fn image(&self, name: String) -> Result<Image, ImportError> {
+    pub(super) fn image(&self, name: String, alpha: Alpha) -> Result<Image, ImportError> {
         let Opened { file, path, .. } = &*self.file;
         let file = file.try_clone().map_err(|source| SourceError::Read { path: path.clone(), source })?;
-        Ok(Image::stretch(name, file, self.start, self.len))
+        Ok(Image::stretch(name, file, self.start, self.len, alpha))
     }
 
     /// Fills `out` with the bytes from `offset` on, which must be there.

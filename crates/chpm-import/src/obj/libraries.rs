@@ -5,7 +5,7 @@ use crate::error::{ImportError, SourceError};
 use crate::supply::Supply;
 use crate::texture::{Images, Table, beside};
 use chpm_extmem::{Cancel, Store, same_file};
-use chpm_texture::Wrap;
+use chpm_texture::{Alpha, Wrap};
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::Read;
@@ -116,11 +116,12 @@ impl Libraries {
         let Some(map) = &mtl.map else {
             return Ok(Surface { plain, paint: Paint::None, scale: [1.0; 2], offset: [0.0; 2] });
         };
+        let alpha = mtl.alpha();
         let paint = match map.file.split_once("<UDIM>") {
-            Some((before, behind)) => self.tiles(library, map, [before, behind], factor)?,
+            Some((before, behind)) => self.tiles(library, map, [before, behind], factor, alpha)?,
             None => {
                 let found = self.find(&map.file, library);
-                let image = self.table.file(&map.file, found)?;
+                let image = self.table.file(&map.file, found, alpha)?;
                 let wrap = if map.is_clamped { Wrap::Clamp } else { Wrap::Repeat };
                 Paint::One(self.table.material(image, factor, [wrap; 2])?)
             }
@@ -140,15 +141,16 @@ impl Libraries {
         map: &Map,
         [before, behind]: [&str; 2],
         factor: [f32; 4],
+        alpha: Alpha,
     ) -> Result<Paint, ImportError> {
         let mut tiles = BTreeMap::new();
         for (tile, name) in names_of_tiles(library, before, behind) {
             let found = self.find(&name, library);
-            let image = self.table.file(&name, found)?;
+            let image = self.table.file(&name, found, alpha)?;
             tiles.insert(tile, self.table.material(image, factor, [Wrap::Clamp; 2])?);
         }
         if tiles.is_empty() {
-            self.table.file(&map.file, Err("is not there".to_owned()))?;
+            self.table.file(&map.file, Err("is not there".to_owned()), alpha)?;
         }
         let missing = self.table.material(None, factor, [Wrap::Clamp; 2])?;
         Ok(Paint::Tiles(tiles, missing))

@@ -2,6 +2,7 @@
 
 use crate::error::ImportError;
 use crate::lines::{Lines, number, words};
+use chpm_texture::Alpha;
 use std::io::Read;
 
 /// A material, as far as its colour goes.
@@ -11,6 +12,8 @@ pub(super) struct Mtl {
     /// Diffuse colour.
     pub(super) kd: Option<[f32; 3]>,
     pub(super) map: Option<Map>,
+    /// The image whose alpha says how much is seen.
+    pub(super) shown: Option<Map>,
 }
 
 /// An image on a material.
@@ -28,6 +31,12 @@ impl Mtl {
         let [r, g, b] = self.kd.filter(|kd| self.map.is_none() || *kd != [0.0; 3]).unwrap_or([1.0; 3]);
         [r, g, b, 1.0]
     }
+
+    /// The meaning of the image's alpha: none, unless the material says that it is looked at.
+    pub(super) fn alpha(&self) -> Alpha {
+        let files = [&self.map, &self.shown].map(|map| map.as_ref().map(|map| &map.file));
+        if files[0] == files[1] { Alpha::Kept } else { Alpha::Ignored }
+    }
 }
 
 /// Hands the materials of a library to `take`, one by one.
@@ -41,10 +50,11 @@ pub(super) fn read(
         match (keyword.to_ascii_lowercase().as_slice(), &mut current) {
             (b"newmtl", _) => {
                 current.take().map_or(Ok(()), &mut *take)?;
-                current = Some(Mtl { name: rest.to_owned(), kd: None, map: None });
+                current = Some(Mtl { name: rest.to_owned(), kd: None, map: None, shown: None });
             }
             (b"kd", Some(mtl)) => mtl.kd = color(rest),
             (b"map_kd", Some(mtl)) => mtl.map = map(rest),
+            (b"map_d", Some(mtl)) => mtl.shown = map(rest),
             _ => {}
         }
     }
@@ -181,6 +191,18 @@ mod tests {
             ("Ka 0 0 0", [1.0; 4]),
         ] {
             assert_eq!(all(&format!("newmtl m\n{text}\n"))[0].factor(), factor, "{text}");
+        }
+    }
+
+    #[test]
+    fn alpha_counts_where_a_material_looks_at_it() {
+        for (text, alpha) in [
+            ("map_Kd a.png", Alpha::Ignored),
+            ("map_Kd a.png\nmap_d b.png", Alpha::Ignored),
+            ("map_Kd a.png\nmap_d -imfchan m a.png", Alpha::Kept),
+            ("map_d my leaf.png\nmap_Kd -s 2 2 my leaf.png", Alpha::Kept),
+        ] {
+            assert_eq!(all(&format!("newmtl m\n{text}\n"))[0].alpha(), alpha, "{text}");
         }
     }
 

@@ -16,7 +16,7 @@ use crate::stream::Stream;
 use crate::supply::Supply;
 use crate::texture::{Cutter, Images, Table, beside};
 use chpm_extmem::{BufferWriter, Cached, Cancel, Sorter, Store};
-use chpm_texture::{TexturedTriangle, Wrap};
+use chpm_texture::{Alpha, TexturedTriangle, Wrap};
 use std::path::{Path, PathBuf};
 
 /// Images of a PLY.
@@ -63,7 +63,7 @@ fn table(
 ) -> Result<(Table, Vec<u32>), ImportError> {
     let (mut table, mut materials) = (Table::new(images, store)?, Vec::new());
     for name in named(header) {
-        let image = table.file(name, beside::find(name, path))?;
+        let image = table.file(name, beside::find(name, path), Alpha::Ignored)?;
         materials.push(table.material(image, [1.0; 4], [Wrap::Repeat; 2])?);
     }
     Ok((table, materials))

@@ -2,8 +2,9 @@
 
 use crate::supply::Supply;
 use chpm_extmem::platform::read_exact_at;
+use chpm_texture::{Alpha, OpenedImage};
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read};
+use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -16,6 +17,7 @@ pub struct Image {
     /// Name for messages.
     pub name: String,
     place: Place,
+    alpha: Alpha,
 }
 
 #[derive(Clone, Debug)]
@@ -25,12 +27,12 @@ enum Place {
 }
 
 impl Image {
-    pub(crate) fn file(path: PathBuf) -> Image {
-        Image { name: path.display().to_string(), place: Place::File(path) }
+    pub(crate) fn file(path: PathBuf, alpha: Alpha) -> Image {
+        Image { name: path.display().to_string(), place: Place::File(path), alpha }
     }
 
-    pub(crate) fn stretch(name: String, file: File, start: u64, len: u64) -> Image {
-        Image { name, place: Place::Stretch { file: Arc::new(file), start, len } }
+    pub(crate) fn stretch(name: String, file: File, start: u64, len: u64, alpha: Alpha) -> Image {
+        Image { name, place: Place::Stretch { file: Arc::new(file), start, len }, alpha }
     }
 
     /// The file, if it is one of its own.
@@ -41,24 +43,25 @@ impl Image {
         }
     }
 
-    /// Bytes of the image, from the first on.
+    /// Opens the image at its first byte.
     ///
     /// # Errors
     /// Those of opening a file, which may have become something else.
-    pub fn open(&self) -> io::Result<Box<dyn BufRead + Send>> {
+    pub fn open(&self) -> io::Result<OpenedImage> {
         let bytes: Box<dyn Read + Send> = match &self.place {
             Place::File(path) => Box::new(Supply::file(path).map_err(io::Error::other)?.open()?),
             Place::Stretch { file, start, len } => {
                 Box::new(Stretch { file: Arc::clone(file), next: *start, end: start + len })
             }
         };
-        Ok(Box::new(BufReader::with_capacity(BLOCK, bytes)))
+        let bytes = Box::new(BufReader::with_capacity(BLOCK, bytes));
+        Ok(OpenedImage { bytes, alpha: self.alpha })
     }
 
     /// Whether it begins as those do that are read.
     pub(crate) fn is_of_known_kind(&self) -> io::Result<bool> {
         let mut head = Vec::new();
-        self.open()?.take(8).read_to_end(&mut head)?;
+        self.open()?.bytes.take(8).read_to_end(&mut head)?;
         Ok(MAGICS.iter().any(|magic| head.starts_with(magic)))
     }
 }

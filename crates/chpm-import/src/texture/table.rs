@@ -7,7 +7,7 @@ use crate::reader::Beside;
 use crate::stream::Tap;
 use crate::supply::Supply;
 use chpm_extmem::{Cancel, FailPoints, Reservation, Store};
-use chpm_texture::{Material, Wrap};
+use chpm_texture::{Alpha, Material, Wrap};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -21,8 +21,8 @@ pub(crate) struct Table {
     asked: Images,
     materials: Vec<Material>,
     images: Vec<Image>,
-    /// Images by their names.
-    known: BTreeMap<PathBuf, Option<u32>>,
+    /// Images by their names, and by what their alpha means.
+    known: BTreeMap<(PathBuf, Alpha), Option<u32>>,
     /// Other files and those of images, in the order in which they were named.
     files: Vec<PathBuf>,
     lost: u64,
@@ -92,14 +92,18 @@ impl Table {
         &mut self,
         name: &str,
         found: Result<PathBuf, String>,
+        alpha: Alpha,
     ) -> Result<Option<u32>, ImportError> {
-        let key = found.as_ref().map_or_else(|_| PathBuf::from(name), PathBuf::clone);
+        let key = match &found {
+            Ok(path) => (path.clone(), alpha),
+            Err(_) => (PathBuf::from(name), Alpha::default()),
+        };
         if let Some(known) = self.known.get(&key) {
             return Ok(*known);
         }
-        self.count(key.as_os_str().len())?;
+        self.count(key.0.as_os_str().len())?;
         let image = match found {
-            Ok(path) => self.image(name, Image::file(path))?,
+            Ok(path) => self.image(name, Image::file(path, alpha))?,
             Err(why) => {
                 self.lose("image", name, &why)?;
                 None
@@ -113,7 +117,7 @@ impl Table {
     pub(crate) fn image(&mut self, name: &str, image: Image) -> Result<Option<u32>, ImportError> {
         let why = match image.is_of_known_kind() {
             Ok(true) => {
-                self.files.extend(image.path().map(Path::to_owned));
+                image.path().map(Path::to_owned).into_iter().for_each(|path| self.add_file(path));
                 self.images.push(image);
                 return Ok(Some(self.images.len() as u32 - 1));
             }

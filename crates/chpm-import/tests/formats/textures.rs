@@ -2,7 +2,7 @@
 
 use chpm_extmem::{Cancel, MemoryBudget, Store};
 use chpm_import::{Batch, BatchKind, Images, Input, Invalid, Options, SourceInfo, Textures, input};
-use chpm_texture::{Material, TexturedTriangle, Wrap};
+use chpm_texture::{Alpha, Material, TexturedTriangle, Wrap};
 use serde_json::{Value, json};
 use std::fs;
 use std::path::Path;
@@ -416,13 +416,52 @@ fn a_glb_has_its_images_inside() {
         let material = read.material(0);
         assert_eq!(material.wrap, [Wrap::Clamp, Wrap::Mirror]);
         let [r, g, b, a] = material.factor;
-        assert_eq!([r, b, a], [1.0, 0.0, 0.5]);
+        assert_eq!([r, b, a], [1.0, 0.0, 1.0], "opaque");
         assert!((g - 0.735_36).abs() < 1e-4, "half the light: {g}");
         assert!(read.textures().tints && read.info.beside.is_empty());
         let mut found = Vec::new();
-        std::io::Read::read_to_end(&mut read.textures().images[0].open().unwrap(), &mut found).unwrap();
+        let mut opened = read.textures().images[0].open().unwrap();
+        assert_eq!(opened.alpha, Alpha::Ignored);
+        std::io::Read::read_to_end(&mut opened.bytes, &mut found).unwrap();
         assert_eq!(found, PNG);
     }
+}
+
+#[test]
+fn alpha_of_a_gltf_means_what_its_mode_says() {
+    for (facts, alpha, factor) in [
+        (json!({}), Alpha::Ignored, 1.0),
+        (json!({ "alphaMode": "OPAQUE", "alphaCutoff": 0.1 }), Alpha::Ignored, 1.0),
+        (json!({ "alphaMode": "BLEND" }), Alpha::Kept, 0.5),
+        // The factor halves what is compared.
+        (json!({ "alphaMode": "MASK" }), Alpha::Cut(255), 1.0),
+        (json!({ "alphaMode": "MASK", "alphaCutoff": 0.1 }), Alpha::Cut(51), 1.0),
+        (json!({ "alphaMode": "MASK", "alphaCutoff": 0.0 }), Alpha::Cut(0), 1.0),
+        (json!({ "alphaMode": "new" }), Alpha::Ignored, 1.0),
+    ] {
+        let mut materials = base(json!({ "index": 0 }));
+        materials[0].as_object_mut().unwrap().extend(facts.as_object().unwrap().clone());
+        let bytes = glb(json!({
+            "materials": materials, "textures": [{ "source": 0 }], "images": [{ "bufferView": 2 }],
+        }));
+        let read = read(&folder(&[("a.glb", &bytes)]), "a.glb", Images::IfAny).unwrap();
+        assert_eq!(read.textures().images[0].open().unwrap().alpha, alpha, "{facts}");
+        assert_eq!(read.material(0).factor[3], factor, "{facts}");
+    }
+}
+
+#[test]
+fn one_image_may_be_opaque_here_and_cut_there() {
+    let obj = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3\nusemtl b\nf 2/2 1/1 3/3\n";
+    let mtl = b"newmtl a\nmap_Kd a.png\nnewmtl b\nmap_Kd a.png\nmap_d a.png\n";
+    let dir = folder(&[("a.obj", obj), ("a.mtl", mtl), ("a.png", PNG)]);
+    let read = read(&dir, "a.obj", Images::IfAny).unwrap();
+    let alphas = [0, 1].map(|triangle| {
+        let image = read.material(triangle).image.unwrap();
+        read.textures().images[image as usize].open().unwrap().alpha
+    });
+    assert_eq!(alphas, [Alpha::Ignored, Alpha::Kept]);
+    assert_eq!(read.info.beside.len(), 2, "the file is one: {:?}", read.info.beside);
 }
 
 #[test]

@@ -5,6 +5,7 @@
 //! plain arithmetic of whole numbers and of floating point that is not fused, so that the same bytes come out on every machine.
 
 mod bake;
+mod below;
 mod charts;
 mod directions;
 mod fill;
@@ -16,6 +17,7 @@ mod sample;
 mod vector;
 
 pub use crate::texels::Texel;
+pub use below::{Below, Sampled, texel_side};
 pub use halve::halved;
 pub use pack::pack;
 pub use plan::{Paint, Plan, Surface};

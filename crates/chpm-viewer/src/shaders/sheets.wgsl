@@ -45,11 +45,22 @@ fn pulled_painted(@builtin(vertex_index) corner: u32, @builtin(instance_index) i
     return painted;
 }
 
+// Whether a pixel is among those that are left out where only a share is seen: of 4 x 4, in the order of Bayer.
+fn is_left_out(share: f32, position: vec4<f32>) -> bool {
+    let x = u32(position.x);
+    let y = u32(position.y);
+    let order = (((x ^ y) & 1u) << 3u) | ((y & 1u) << 2u) | ((x ^ y) & 2u) | ((y & 2u) >> 1u);
+    return 16.0 * share < f32(order) + 0.5;
+}
+
 @fragment
 fn painted(seen: Painted) -> Shown {
-    let texel = textureSample(sheets, texels, seen.place).rgb;
-    let color = select(seen.color, texel, seen.has_sheet != 0u);
+    let texel = textureSample(sheets, texels, seen.place);
+    let color = select(seen.color, texel.rgb, seen.has_sheet != 0u);
     let lit = color * light(smoothed(seen.at, seen.straight, seen.across), seen.at);
     cut(seen.at);
+    if seen.has_sheet != 0u && is_left_out(texel.a, seen.position) {
+        discard;
+    }
     return shown(encoded(lit), seen.position, seen.at);
 }
