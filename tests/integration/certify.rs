@@ -303,7 +303,7 @@ fn what_is_proven_anew_is_coarser_and_near_enough() {
 #[test]
 fn a_mesh_is_taken_further_than_the_file_goes() {
     let folder = Folder::new();
-    folder.stdout("synth isosurface --triangles 12000 -o in.ply -q");
+    folder.stdout("synth isosurface --triangles 6000 -o in.ply -q");
     let asked = "simplify in.ply --within 1%";
     let told =
         |effort: u32, rest: &str| json(&folder, &format!("{asked} --effort {effort} {rest} --json -qf"), 0);
