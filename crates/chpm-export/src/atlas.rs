@@ -91,7 +91,7 @@ impl Atlases {
         let stored: Vec<[u32; 2]> = self.items.iter().map(|item| item.size).collect();
         let mut images = self.divided(&stored);
         let mut finer = match images.len() {
-            1 => self.finer(file, &mut check)?,
+            1 => self.finer(file, &stored, &mut check)?,
             _ => None,
         };
         if let Some(sheets) = &finer {
@@ -111,10 +111,11 @@ impl Atlases {
         Ok(parts)
     }
 
-    /// Sheets that fill one image as far as they can, by item; none for items that keep their own, and where nothing becomes finer.
+    /// Sheets that fill one image as far as they can, by item; none for items that keep their own, and where nothing becomes finer. Given the sizes that are stored.
     fn finer<D: AsRef<[u8]>, E: From<ExportError>>(
         &self,
         file: &Chpm<D>,
+        stored: &[[u32; 2]],
         check: &mut impl FnMut() -> Result<(), E>,
     ) -> Result<Option<Vec<Option<FineSheet>>>, E> {
         let coarseness = Coarseness::new(file);
@@ -149,8 +150,7 @@ impl Atlases {
                 _ => coarseness.sheet(item.cluster, coarse, check).map(|(sheet, _)| Some(sheet)),
             });
             let sheets = sheets.collect::<Result<Vec<_>, E>>()?;
-            let stored: Vec<[u32; 2]> = self.items.iter().map(|item| item.size).collect();
-            let sizes = sizes_of(&sheets, &stored);
+            let sizes = sizes_of(&sheets, stored);
             if sizes.iter().flatten().all(|side| *side <= self.side) && self.divided(&sizes).len() == 1 {
                 return Ok(Some(sheets));
             }
