@@ -2,7 +2,7 @@
 
 use crate::number;
 use anyhow::{Context, Result, ensure};
-use chpm_build::config::{Layout, Length, MissingImages, Normals, Positions, Texture, Topology};
+use chpm_build::config::{Bounds, Layout, Length, MissingImages, Normals, Positions, Texture, Topology};
 use chpm_build::{BuildConfig, FailPoints, MIN_MEMORY, Resources, Settings, Trace};
 use chpm_format::BoundaryMode;
 use chpm_mesh::Bytes;
@@ -83,6 +83,9 @@ pub(crate) struct SettingsArgs {
     /// Leave the order as it is: the same as --order simplification
     #[arg(long, hide_short_help = true, conflicts_with = "order")]
     no_layout: bool,
+    /// How closely errors of coarse meshes are looked at
+    #[arg(long, value_name = "HOW", hide_short_help = true, value_enum, default_value_t = BoundsArg::Quick)]
+    bounds: BoundsArg,
     /// How pages are stored
     #[arg(long, value_name = "HOW", value_enum, default_value_t = Pages::Raw)]
     pages: Pages,
@@ -132,6 +135,15 @@ impl TopologyArg {
             TopologyArg::Change => Topology::Change,
         }
     }
+}
+
+/// [`Bounds`].
+#[derive(ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
+enum BoundsArg {
+    /// As far as it takes little time
+    Quick,
+    /// Some seconds longer: what is within 1% of the diagonal then often has half of the triangles, in all verbs and viewers
+    Tight,
 }
 
 /// [`Layout`].
@@ -292,6 +304,10 @@ impl SettingsArgs {
             },
             scalars: settings.keep.clone().into(),
             drop_invalid: settings.drop_invalid,
+            bounds: match settings.bounds {
+                BoundsArg::Quick => Bounds::Quick,
+                BoundsArg::Tight => Bounds::Tight,
+            },
             layout: if settings.no_layout { Layout::Simplification } else { settings.order.layout() },
             packed: settings.pages == Pages::Packed,
             positions: settings.positions,
@@ -368,6 +384,7 @@ mod tests {
             "--texture=none",
             "--missing-images=refuse",
             "--drop-invalid",
+            "--bounds=tight",
             "--order=cache-oblivious",
             "--pages=packed",
             "--positions=lattice:14",
@@ -392,7 +409,7 @@ mod tests {
         let normals = |which: &str| config(&[&format!("--normals={which}")]).settings.normals;
         let named = ["source", "computed", "none"].map(normals);
         assert_eq!(named, [Normals::Source, Normals::Computed, Normals::None]);
-        assert_eq!((s.layout, s.packed), (Layout::CacheOblivious, true));
+        assert_eq!((s.layout, s.packed, s.bounds), (Layout::CacheOblivious, true, Bounds::Tight));
         assert_eq!(s.positions, Positions::Lattice(14));
         let layout = |argument: &str| config(&[argument]).settings.layout;
         assert_eq!(layout("--no-layout"), Layout::Simplification);

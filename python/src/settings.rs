@@ -1,7 +1,7 @@
 //! Settings of a build by the names of the command's options, as Python says them.
 
 use crate::error::Failure;
-use chpm_build::config::{Layout, MissingImages, Normals, Texture, Topology};
+use chpm_build::config::{Bounds, Layout, MissingImages, Normals, Texture, Topology};
 use chpm_build::{BuildConfig, MIN_MEMORY, Resources, Settings};
 use chpm_format::BoundaryMode;
 use chpm_mesh::{Bytes, MemorySize};
@@ -132,6 +132,9 @@ fn settings(given: &Given<'_>) -> Result<Settings, Failure> {
     ];
     if let Some(layout) = given.word("order", &orders)? {
         settings.layout = layout;
+    }
+    if let Some(bounds) = given.word("bounds", &[("quick", Bounds::Quick), ("tight", Bounds::Tight)])? {
+        settings.bounds = bounds;
     }
     if let Some(packed) = given.word("pages", &[("raw", false), ("packed", true)])? {
         settings.packed = packed;

@@ -66,6 +66,8 @@ pub struct Settings {
     pub target_error: Option<Length>,
     /// Components whose box has a smaller diagonal are left out, as if the source did not have them.
     pub min_component: Option<Length>,
+    /// How closely the errors of coarse meshes are looked at.
+    pub bounds: Bounds,
     /// Which normals vertices have.
     pub normals: Normals,
     /// Whether vertex colours of the source are carried along.
@@ -111,6 +113,7 @@ impl Default for Settings {
             finest_error: None,
             target_error: None,
             min_component: None,
+            bounds: Bounds::Quick,
             normals: Normals::Source,
             colors: true,
             texture: Texture::Found,
@@ -123,6 +126,16 @@ impl Default for Settings {
             shown: Vec::new(),
         }
     }
+}
+
+/// How closely the errors of a root's meshes are looked at.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub enum Bounds {
+    /// As far as it takes a small part of a build's time.
+    #[default]
+    Quick,
+    /// From where a root begins, beside a finer mesh: a second or two longer.
+    Tight,
 }
 
 /// Which normals vertices have.
@@ -339,6 +352,7 @@ impl Settings {
             entry("layout", &self.layout),
         ];
         // Files of all that is there are as they were before this could be asked for.
+        entries.extend((self.bounds == Bounds::Tight).then(|| entry("bounds", &"tight")));
         entries.extend(self.min_component.map(|size| entry("min-component", &size)));
         entries.extend(self.scalars.all.then(|| entry("scalars", &"all")));
         entries.extend(self.scalars.names.iter().map(|name| entry("scalar", name)));

@@ -52,7 +52,7 @@ mod ring;
 mod vertex_flags;
 
 pub use attribute_error::{AttributeErrors, Deviation, FaceAttributeError};
-pub use cover::{Course, Reference, tightened};
+pub use cover::{Course, Limits, Reference, tightened};
 pub use decimate::Decimator;
 pub use displacement::Displacement;
 pub use dropped::{DroppedComponent, LastFace, gap, thin_out};

@@ -56,7 +56,7 @@ def build(*source: Any, name: str = "arrays", progress: Progress | None = None, 
         False leaves colours out; with arrays also colours of the vertices, uint8 of the shape (n, 3) or (n, 4).
     **settings
         By the names that options of ``chpm build`` have, ``_`` for ``-``: ``cluster_triangles``, ``partitioner``, ``boundary``, ``topology``,
-        ``finest_error``, ``target_error``, ``min_component``, ``seed``, ``texture``, ``missing_images``, ``keep`` (a name, or several), ``drop_invalid``, ``order``, ``pages``,
+        ``finest_error``, ``target_error``, ``min_component``, ``seed``, ``texture``, ``missing_images``, ``keep`` (a name, or several), ``drop_invalid``, ``bounds``, ``order``, ``pages``,
         ``positions``; ``memory`` (as in ``"4G"``), ``threads``, ``work_dir``; ``force=True`` replaces the output. ``resume=True`` keeps what is done every ``checkpoint`` seconds,
         so that a build that was ended goes on there; without it an interrupt leaves nothing behind.
 

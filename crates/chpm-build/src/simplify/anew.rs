@@ -2,24 +2,49 @@
 //! is not what is stored.
 
 use super::group::GroupTask;
+use crate::config::Bounds;
 use crate::error::BuildError;
 use chpm_format::Page;
-use chpm_qem::{Collapse, Course, Displacement, Record, Reference, tightened};
+use chpm_qem::{Collapse, Course, Displacement, Limits, Record, Reference, tightened};
 
 /// Levels below the root of which one's base meshes are what it is held against.
 pub(super) const BELOW: u32 = 5;
 
 /// Most triangles of the root: more are where clusters stalled, and would not fit into the memory of a thread.
 const MOST: usize = 1 << 14;
-/// Triangles of the source for each of what the root is held against, at least, of large and of small models: so that it takes the same part of a build's time.
-const LARGE: u64 = 256;
-const SMALL: u64 = 16;
-/// Triangles between which models count as large.
-const FEW_BELOW: u64 = 4500;
-const MOST_BELOW: u64 = 1 << 14;
-/// Pieces between which there is one for each triangle of the source; a large model has one for 14.
-const FEWEST_PIECES: u64 = 1 << 16;
-const MOST_PIECES: u64 = 150_000;
+
+/// Most triangles of what a root is held against if time does not matter.
+const TIGHT_BELOW: u64 = 40_000;
+
+/// How closely a root is looked at.
+struct Look {
+    /// Most triangles of what it is held against, and of the coarsest that there is.
+    most: u64,
+    coarsest: u64,
+    limits: Limits,
+}
+
+impl Look {
+    /// For a model of so many triangles.
+    fn new(bounds: Bounds, source: u64) -> Self {
+        match bounds {
+            // So that it takes about the same part of a build's time.
+            Bounds::Quick => Look {
+                most: (source / 8).min((source / 100).clamp(12_500, 1 << 14)),
+                coarsest: 1 << 14,
+                limits: Limits {
+                    ratio: if source < 1_500_000 { 16 } else { 6 },
+                    pieces: (2 * source).clamp(100_000, 250_000).max(source / 8),
+                },
+            },
+            Bounds::Tight => Look {
+                most: TIGHT_BELOW,
+                coarsest: TIGHT_BELOW,
+                limits: Limits { ratio: 2, pieces: 20_000_000 },
+            },
+        }
+    }
+}
 
 /// Lowers the errors of a root's record.
 pub(super) fn lower(
@@ -31,31 +56,28 @@ pub(super) fn lower(
     if triangles.len() > MOST || record.errors.is_empty() {
         return Ok(());
     }
-    let Some(reference) = reference(task, root)? else { return Ok(()) };
+    let look = Look::new(task.settings.bounds, task.decomposition.triangle_count());
+    let Some(reference) = reference(task, root, &look)? else { return Ok(()) };
 
     let base = record.base_vertex_count();
     let in_order = record.targets.iter().zip(&record.errors).enumerate().rev();
     let collapses: Vec<Collapse> = in_order
         .map(|(index, (to, error))| Collapse { from: (base + index) as u16, to: *to, error: *error })
         .collect();
-    let source = task.decomposition.triangle_count();
-    let most = source.clamp(FEWEST_PIECES, MOST_PIECES).max(source / 14);
-    let errors = tightened(&Course { positions, triangles, collapses: &collapses }, &reference, most);
+    let errors = tightened(&Course { positions, triangles, collapses: &collapses }, &reference, look.limits);
     record.errors.iter_mut().zip(errors.iter().rev()).for_each(|(stored, error)| *stored = *error);
     Ok(())
 }
 
 /// The mesh of the whole source that the root is held against; none where all that there are have too many triangles.
-fn reference(task: &GroupTask<'_>, root: u32) -> Result<Option<Reference>, BuildError> {
+fn reference(task: &GroupTask<'_>, root: u32, look: &Look) -> Result<Option<Reference>, BuildError> {
     let top = task.tree.nodes[root as usize].level;
-    let source = task.decomposition.triangle_count();
-    let most = (source / LARGE).clamp(FEW_BELOW, MOST_BELOW).min(source / SMALL);
     // The finest that is small enough; the coarsest may be larger.
     let found = (top.saturating_sub(BELOW)..top).find_map(|level| {
         let front = front(task, root, level);
         let count = |node: &u32| task.refs[*node as usize].map(|page| u64::from(page.base_triangle_count));
         let all: Option<Vec<u64>> = front.iter().map(count).collect();
-        let most = if level + 1 == top { MOST_BELOW } else { most };
+        let most = if level + 1 == top { look.coarsest } else { look.most };
         (all?.into_iter().sum::<u64>() <= most).then_some(front)
     });
     let Some(front) = found else { return Ok(None) };

@@ -1,10 +1,12 @@
 //! The oracle of errors that are found anew: distances of many points in exact rational arithmetic, with none of the code that they judge.
 
+use super::LOSS;
+use super::chain::Chain;
 use super::pieces::Pieces;
 use super::reference::Reference;
+use super::surfaces::{Few, Own};
 use super::target::Target;
 use super::tree::BoxTree;
-use super::{Few, LOSS, Own};
 use chpm_mesh::geom::to_f64;
 use dashu_ratio::RBig;
 use nalgebra::Point3;
@@ -129,6 +131,36 @@ proptest! {
                 left >= RBig::ZERO && squared(&point, triangle) <= &left * &left
             });
             prop_assert!(near, "{point:?} is not within {far}");
+        }
+    }
+
+    /// Where triangles are said to lie over a face, every point of it is as near to one of them, with its error, as was allowed, or in a part that is steep.
+    #[test]
+    fn a_sheet_holds_all_of_a_face(
+        reference in sheet(),
+        of in prop::array::uniform3(0usize..16),
+        lift in -0.5f32..0.5,
+        allowed in 0.0f64..0.7,
+        kept in prop::collection::vec(prop::bool::weighted(0.95), 18),
+    ) {
+        let mut face = face(&reference, of);
+        face[0][2] += lift;
+        let corners = |index: u32| reference.corners(index).map(to_f64);
+        let over = (0..reference.triangle_count() as u32).filter(|index| kept[*index as usize % 18]);
+        let over = over.map(|index| (index, corners(index)));
+        let (mut chain, loss) = (Chain::default(), LOSS * reference.scale());
+        let Some(beyond) = chain.hold(&face.map(to_f64), &reference, over, allowed, loss) else { return Ok(()) };
+        let exactly: Vec<[Exact; 3]> = triangles(&reference).iter().map(|t| t.map(place)).collect();
+        let steep: Vec<[Exact; 3]> =
+            chain.steep.iter().map(|part| part.map(|p| [p.x, p.y, p.z].map(exact))).collect();
+        let around = exact(beyond + loss);
+        for point in points(&face.map(place)) {
+            let near = exactly.iter().zip(&reference.errors).any(|(triangle, error)| {
+                let left = exact(allowed + loss) - exact(f64::from(*error));
+                left >= RBig::ZERO && squared(&point, triangle) <= &left * &left
+            });
+            let is_steep = || steep.iter().any(|part| squared(&point, part) <= &around * &around);
+            prop_assert!(near || is_steep(), "{point:?} is not within {allowed}");
         }
     }
 

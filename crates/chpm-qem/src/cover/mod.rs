@@ -2,35 +2,40 @@
 //!
 //! Two things are kept true, each with an error `reached` that grows only. Every triangle of the reference is within it of the mesh: those that were held
 //! against faces that a collapse takes away are held against those that are there afterwards. And every face is within it of the reference. Both are
-//! found in [`pieces`]. A collapse's error is the smaller of this and of what was composed.
+//! found in [`pieces`], for most faces in [`chain`]. A collapse's error is the smaller of this and of what was composed.
 
+mod chain;
 #[cfg(test)]
 mod exact;
 mod pieces;
 mod reference;
+mod surfaces;
 mod target;
 mod tree;
 
 use crate::adjacency::Adjacency;
 use crate::patch::Collapse;
+use chain::Chain;
+use chpm_mesh::Aabb;
 use chpm_mesh::geom::{round_up, to_f64};
 use nalgebra::Point3;
 use pieces::{Pieces, Served, Surface};
 pub use reference::Reference;
-use target::Target;
+use surfaces::{Few, Many, Own, Seen};
+use target::{Target, meet};
 use tree::BoxTree;
-
-/// Triangles of the reference for each of the mesh, at least: with fewer its own errors decide.
-const RATIO: usize = 16;
 
 /// Share of the largest coordinate that rounding can hide, with much room.
 const LOSS: f64 = 1.0 / (1u64 << 44) as f64;
+
+/// Triangles over a face that take the time of a piece.
+const TRIANGLES: u64 = 8;
 
 /// Faces that take the time of a piece.
 const FACES: u64 = 16;
 
 /// Errors composed grow by this factor before what could not be shown is tried again.
-const AGAIN: f32 = 1.5;
+const AGAIN: f32 = 1.2;
 
 /// A progressive mesh as it was decimated.
 #[derive(Clone, Copy, Debug)]
@@ -43,11 +48,19 @@ pub struct Course<'a> {
     pub collapses: &'a [Collapse],
 }
 
-/// Errors of the meshes that the collapses leave, none larger than the one that was composed: bounds as those are. After `most` pieces, about a microsecond each, nothing
-/// more is found anew.
-pub fn tightened(course: &Course<'_>, reference: &Reference, most: u64) -> Vec<f32> {
+/// How much time is taken.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// Triangles of the reference for each of the first mesh that is held against it, at least: with few its own errors decide.
+    pub ratio: usize,
+    /// Pieces after which nothing more is found anew, about a microsecond each.
+    pub pieces: u64,
+}
+
+/// Errors of the meshes that the collapses leave, none larger than the one that was composed: bounds as those are.
+pub fn tightened(course: &Course<'_>, reference: &Reference, limits: Limits) -> Vec<f32> {
     let mut errors: Vec<f32> = course.collapses.iter().map(|collapse| collapse.error).collect();
-    let mut cover = Cover::new(course, reference, most);
+    let mut cover = Cover::new(course, reference, limits);
     if !cover.is_complete() {
         return errors;
     }
@@ -60,105 +73,8 @@ pub fn tightened(course: &Course<'_>, reference: &Reference, most: u64) -> Vec<f
     errors
 }
 
-/// Faces that a point is held against: a few, one after the other.
-struct Few<'a> {
-    targets: &'a [Target],
-    of: &'a [u32],
-    beyond: f64,
-}
-
-impl Surface for Few<'_> {
-    fn target(&self, index: u32) -> &Target {
-        &self.targets[index as usize]
-    }
-
-    fn beyond(&self, _: u32) -> f64 {
-        self.beyond
-    }
-
-    fn nearest(&mut self, point: &Point3<f64>, mut best: (u32, f64)) -> (u32, f64) {
-        for index in self.of {
-            let target = &self.targets[*index as usize];
-            if target.box_squared(point) < best.1 {
-                let squared = target.squared(point);
-                if squared < best.1 {
-                    best = (*index, squared);
-                }
-            }
-        }
-        best
-    }
-}
-
-/// Many faces, in a tree.
-struct Many<'a> {
-    targets: &'a [Target],
-    tree: &'a mut BoxTree,
-    beyond: f64,
-}
-
-impl Surface for Many<'_> {
-    fn target(&self, index: u32) -> &Target {
-        &self.targets[index as usize]
-    }
-
-    fn beyond(&self, _: u32) -> f64 {
-        self.beyond
-    }
-
-    fn nearest(&mut self, point: &Point3<f64>, best: (u32, f64)) -> (u32, f64) {
-        self.tree.nearest(self.targets, point, best)
-    }
-}
-
-/// Triangles of the reference, each with its error.
-struct Own<'a> {
-    targets: &'a [Target],
-    tree: &'a mut BoxTree,
-    errors: &'a [f32],
-}
-
-impl Surface for Own<'_> {
-    fn target(&self, index: u32) -> &Target {
-        &self.targets[index as usize]
-    }
-
-    fn beyond(&self, index: u32) -> f64 {
-        self.errors[index as usize].into()
-    }
-
-    fn nearest(&mut self, point: &Point3<f64>, best: (u32, f64)) -> (u32, f64) {
-        self.tree.nearest(self.targets, point, best)
-    }
-}
-
-/// Items that have been seen since the last turn.
-#[derive(Default)]
-struct Seen {
-    at: Vec<u32>,
-    turn: u32,
-}
-
-impl Seen {
-    fn of(count: usize) -> Self {
-        Seen { at: vec![0; count], turn: 0 }
-    }
-
-    fn begin(&mut self) {
-        self.turn += 1;
-    }
-
-    /// Whether this is the first time since then.
-    fn is_new(&mut self, index: u32) -> bool {
-        let at = &mut self.at[index as usize];
-        let is_new = *at != self.turn;
-        *at = self.turn;
-        is_new
-    }
-}
-
 fn corners_of(reference: &Reference, triangle: u32) -> [Point3<f64>; 3] {
-    reference.triangles[triangle as usize].map(|v| to_f64(reference.points[v as usize]))
+    reference.corners(triangle).map(to_f64)
 }
 
 struct Cover<'a> {
@@ -180,8 +96,8 @@ struct Cover<'a> {
     tried_at: f32,
     loss: f64,
     pieces: Pieces,
-    /// Pieces after which it is given up.
-    most: u64,
+    chain: Chain,
+    limits: Limits,
     seen_triangles: Seen,
     seen_faces: Seen,
     seen_points: Seen,
@@ -189,16 +105,20 @@ struct Cover<'a> {
     served: Vec<Served>,
     old: Vec<u32>,
     near: Vec<u32>,
+    /// Triangles that may be over a face.
+    over: Vec<u32>,
     about: Vec<u16>,
     again: Vec<u32>,
     /// A triangle of the reference near what was looked at last.
     hint: u32,
     reference_targets: Vec<Target>,
+    /// The boxes around these.
+    reference_boxes: Vec<Aabb>,
     reference_tree: BoxTree,
 }
 
 impl<'a> Cover<'a> {
-    fn new(course: &'a Course<'a>, reference: &'a Reference, most: u64) -> Self {
+    fn new(course: &'a Course<'a>, reference: &'a Reference, limits: Limits) -> Self {
         let mut mesh = Adjacency::default();
         mesh.build(course.positions.len(), course.triangles);
         let (faces, triangles) = (course.triangles.len(), reference.triangles.len());
@@ -215,17 +135,20 @@ impl<'a> Cover<'a> {
             tried_at: 0.0,
             loss: LOSS * reference.scale(),
             pieces: Pieces::default(),
-            most,
+            chain: Chain::default(),
+            limits,
             seen_triangles: Seen::of(triangles),
             seen_faces: Seen::of(faces),
             seen_points: Seen::of(reference.points.len()),
             served: vec![(0, 0.0); reference.points.len()],
             old: Vec::new(),
             near: Vec::new(),
+            over: Vec::new(),
             about: Vec::new(),
             again: Vec::new(),
             hint: 0,
             reference_targets: Vec::new(),
+            reference_boxes: Vec::new(),
             reference_tree: BoxTree::default(),
         }
     }
@@ -264,7 +187,7 @@ impl<'a> Cover<'a> {
         }
 
         if !self.has_begun {
-            if RATIO * self.alive <= self.reference.triangles.len() {
+            if self.limits.ratio * self.alive <= self.reference.triangles.len() {
                 self.begin(error);
             }
             return;
@@ -273,7 +196,7 @@ impl<'a> Cover<'a> {
         if error > AGAIN * self.tried_at && !self.pending.is_empty() {
             self.try_again(error);
         }
-        if self.pieces.count > self.most {
+        if self.pieces.count > self.limits.pieces {
             self.reached = f64::INFINITY;
         }
     }
@@ -297,6 +220,8 @@ impl<'a> Cover<'a> {
         let all = 0..self.reference.triangles.len() as u32;
         self.reference_targets =
             all.clone().map(|triangle| Target::new(corners_of(self.reference, triangle))).collect();
+        self.reference_boxes =
+            all.clone().map(|triangle| Aabb::of_points(&self.reference.corners(triangle))).collect();
         self.reference_tree = BoxTree::new(&self.reference_targets, all.collect());
         let Some(mut hint) = alive.first().copied() else {
             self.reached = f64::INFINITY;
@@ -378,6 +303,10 @@ impl<'a> Cover<'a> {
             let (pending, seen) = (&mut self.pending, &self.seen_triangles);
             pending.retain(|triangle| seen.at[*triangle as usize] != seen.turn);
         }
+        for face in &self.near[changed..] {
+            let seen = &self.seen_triangles;
+            self.held[*face as usize].retain(|triangle| seen.at[*triangle as usize] != seen.turn);
+        }
         let near = std::mem::take(&mut self.near);
         let again = std::mem::take(&mut self.again);
         self.seen_points.begin();
@@ -438,9 +367,54 @@ impl<'a> Cover<'a> {
         far
     }
 
-    /// Holds a face against the reference.
+    /// Holds a face against the reference: against what is over it, and the nearest where that is too high or is not shown to be over all of it.
     fn cover(&mut self, face: u32, error: f32) {
+        self.gather(face);
         let corners = self.targets[face as usize].corners;
+        let over =
+            self.over.iter().map(|triangle| (*triangle, self.reference_targets[*triangle as usize].corners));
+        self.pieces.count += self.over.len() as u64 / TRIANGLES;
+        let held = self.chain.hold(&corners, self.reference, over, self.reached, self.loss);
+        let far = match held {
+            Some(beyond) => {
+                let parts = std::mem::take(&mut self.chain.steep);
+                let far =
+                    parts.iter().map(|part| self.hold_against_nearest(*part, self.reached - beyond) + beyond);
+                let far = far.fold(0.0, f64::max);
+                self.chain.steep = parts;
+                far
+            }
+            None => self.hold_against_nearest(corners, self.reached),
+        };
+        // What was composed is a bound on it for as long as it is there.
+        self.reached = self.reached.max(far.min(f64::from(error)));
+    }
+
+    /// Collects what may be over a face: triangles that are held against it and those around it.
+    fn gather(&mut self, face: u32) {
+        let around = self.targets[face as usize].aabb(self.reached);
+        self.seen_triangles.begin();
+        self.seen_faces.begin();
+        self.over.clear();
+        for vertex in self.mesh.faces[face as usize].corners {
+            for wing in self.mesh.all_wings(vertex) {
+                if !self.seen_faces.is_new(wing.face) {
+                    continue;
+                }
+                let held = self.held[wing.face as usize].iter();
+                for triangle in
+                    held.filter(|triangle| meet(&self.reference_boxes[**triangle as usize], &around))
+                {
+                    if self.seen_triangles.is_new(*triangle) {
+                        self.over.push(*triangle);
+                    }
+                }
+            }
+        }
+    }
+
+    /// How far a face, or part of one, is from the nearest of the reference, at most; what is within `allowed` is not looked at more closely.
+    fn hold_against_nearest(&mut self, corners: [Point3<f64>; 3], allowed: f64) -> f64 {
         let mut own = Own {
             targets: &self.reference_targets,
             tree: &mut self.reference_tree,
@@ -452,9 +426,7 @@ impl<'a> Cover<'a> {
             self.hint = triangle;
             (triangle, squared.sqrt())
         });
-        // What was composed is a bound on it for as long as it is there.
-        let far = self.pieces.reach(corners, served, self.reached, &mut own).min(f64::from(error));
-        self.reached = self.reached.max(far);
+        self.pieces.reach(corners, served, allowed, &mut own)
     }
 
     fn try_again(&mut self, error: f32) {

@@ -51,6 +51,10 @@ impl Reference {
         found.ok().map(|at| at as u32)
     }
 
+    pub(crate) fn corners(&self, triangle: u32) -> [[f32; 3]; 3] {
+        self.triangles[triangle as usize].map(|v| self.points[v as usize])
+    }
+
     /// The largest coordinate.
     pub(crate) fn scale(&self) -> f64 {
         f64::from(self.points.as_flattened().iter().fold(0.0, |largest: f32, x| largest.max(x.abs())))

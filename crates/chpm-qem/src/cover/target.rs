@@ -1,5 +1,6 @@
 //! Distances from points to one triangle.
 
+use chpm_mesh::Aabb;
 use nalgebra::{Point3, Vector3};
 
 /// A triangle that points and pieces are held against.
@@ -25,6 +26,12 @@ impl Target {
             sum += beyond * beyond;
         }
         sum
+    }
+
+    /// The box around it and all that is within a distance, about.
+    pub(crate) fn aabb(&self, far: f64) -> Aabb {
+        let grown = |corner: Vector3<f64>, far: f64| corner.add_scalar(far).map(|x| x as f32).into();
+        Aabb { min: grown(self.low, -far), max: grown(self.high, far) }
     }
 
     /// The square of the distance to a point of the triangle that is nearest but for rounding.
@@ -67,4 +74,10 @@ fn foot(point: &Point3<f64>, from: &Point3<f64>, edge: &Vector3<f64>) -> Point3<
     let length = edge.norm_squared();
     let share = if length > 0.0 { (edge.dot(&(point - from)) / length).clamp(0.0, 1.0) } else { 0.0 };
     from + edge * share
+}
+
+/// Whether two boxes have a point in common.
+#[inline]
+pub(crate) fn meet(a: &Aabb, b: &Aabb) -> bool {
+    (0..3).all(|axis| a.min[axis] <= b.max[axis] && b.min[axis] <= a.max[axis])
 }

@@ -3,7 +3,7 @@
 use crate::play::{Run, any_mesh, local, played, run_in};
 use chpm_measure::deviation;
 use chpm_mesh::{Aabb, TriMesh};
-use chpm_qem::{Course, Reference, Topology, tightened};
+use chpm_qem::{Course, Limits, Reference, Topology, tightened};
 use chpm_synth::{Shape, Synth};
 use proptest::prelude::*;
 
@@ -23,7 +23,7 @@ fn anew(mesh: &TriMesh, mut run: Run) -> Run {
     reference.add(&mesh.positions, triangles.iter().map(|triangle| (*triangle, 0.0)));
     reference.join();
     let course = Course { positions: &mesh.positions, triangles: &triangles, collapses: &run.collapses };
-    let errors = tightened(&course, &reference, u64::MAX);
+    let errors = tightened(&course, &reference, Limits { ratio: 2, pieces: u64::MAX });
     for (collapse, error) in run.collapses.iter_mut().zip(&errors) {
         assert!(*error <= collapse.error, "never more than was composed");
         collapse.error = *error;

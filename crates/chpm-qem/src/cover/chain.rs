@@ -1,0 +1,308 @@
+//! How far a face is from triangles that lie over it as a sheet.
+//!
+//! All are projected onto the face's plane. The number of triangles over a point, odd or even, changes only where one of their outer edges is crossed: edges that an odd number
+//! of them have. So where no outer edge passes over the face, and the number is odd over one of its points, a triangle is over each of them, no farther
+//! away than the triangles rise from the plane there.
+
+use super::reference::Reference;
+use nalgebra::{Point3, Vector3};
+
+/// The face is taken smaller by this share, about its middle: so that what meets it along its edges alone does not count as over it.
+const SHRUNK: f64 = 1.0 / 1024.0;
+
+/// Where triangles are counted, as weights of the corners: the second if one's edge is at the first.
+const PLACES: [[f64; 3]; 2] = [[0.37, 0.34, 0.29], [0.28, 0.31, 0.41]];
+
+/// Triangles whose corners are all farther from the plane than this many times what is allowed, on one side, are of another sheet.
+const AWAY: f64 = 4.0;
+
+/// A corner over the face: how far inside of each edge, how high, and where.
+type Over = [f64; 7];
+const HEIGHT: usize = 3;
+
+/// Most corners of a triangle cut by three lines, if rounding let a line cross each edge.
+const MOST_CORNERS: usize = 24;
+
+/// Share of what is added up in an orientation that rounding can hide, with room.
+const DOUBT: f64 = 1.0 / (1u64 << 48) as f64;
+
+/// Scratch for one face after another.
+#[derive(Debug, Default)]
+pub(crate) struct Chain {
+    sheet: Vec<[Over; 3]>,
+    /// Parts of the face over which triangles are too high, which may be near others.
+    pub(crate) steep: Vec<[Point3<f64>; 3]>,
+    /// Edges, with the triangle of the sheet and the corner where each begins.
+    edges: Vec<(u64, u32, u8)>,
+}
+
+/// The face's plane, and its edges in it, as axes along which corners are measured.
+struct Frame {
+    origin: Point3<f64>,
+    inward: [Vector3<f64>; 3],
+    /// What is outside of a smaller face's edges, along the axes.
+    margins: [f64; 3],
+    normal: Vector3<f64>,
+    /// How far a point of the face is from the smaller one.
+    beyond: f64,
+}
+
+impl Frame {
+    /// None for a face without an area.
+    fn new(corners: &[Point3<f64>; 3]) -> Option<Self> {
+        let [a, b, c] = *corners;
+        let normal = (b - a).cross(&(c - a)).try_normalize(0.0)?;
+        let mut inward = [Vector3::zeros(); 3];
+        for (i, inward) in inward.iter_mut().enumerate() {
+            *inward = normal.cross(&(corners[(i + 1) % 3] - corners[i])).try_normalize(0.0)?;
+        }
+        let middle = nalgebra::center(&nalgebra::center(&a, &b), &c);
+        let beyond = corners.map(|corner| (corner - middle).norm()).into_iter().fold(0.0, f64::max);
+        let mut margins = [0.0; 3];
+        for i in 0..3 {
+            let at = |point: &Point3<f64>| inward[i].dot(&(point - a));
+            margins[i] = at(&corners[i]) + SHRUNK * (at(&middle) - at(&corners[i]));
+        }
+        Some(Frame { origin: a, inward, margins, normal, beyond: SHRUNK * beyond })
+    }
+
+    /// A triangle over the face; none if it is beside, or all of it farther than `far` from the plane on one side.
+    #[inline]
+    fn over(&self, corners: &[Point3<f64>; 3], far: f64, loss: f64) -> Option<[Over; 3]> {
+        let ways = corners.map(|corner| corner - self.origin);
+        let mut over = [[0.0; 7]; 3];
+        for edge in 0..3 {
+            let inside = ways.map(|way| self.inward[edge].dot(&way) - self.margins[edge]);
+            if inside.iter().all(|inside| *inside < -loss) {
+                return None;
+            }
+            (0..3).for_each(|corner| over[corner][edge] = inside[corner]);
+        }
+        let heights = ways.map(|way| self.normal.dot(&way));
+        if heights.iter().all(|height| *height > far) || heights.iter().all(|height| *height < -far) {
+            return None;
+        }
+        for (over, (corner, height)) in over.iter_mut().zip(corners.iter().zip(heights)) {
+            over[HEIGHT] = height;
+            over[HEIGHT + 1..].copy_from_slice(corner.coords.as_slice());
+        }
+        Some(over)
+    }
+
+    /// How far inside of the face's edges a point of it is.
+    fn place(&self, point: &Point3<f64>) -> [f64; 3] {
+        [0, 1, 2].map(|edge| self.inward[edge].dot(&(point - self.origin)) - self.margins[edge])
+    }
+
+    /// The point of the plane below.
+    fn foot(&self, over: &Over) -> Point3<f64> {
+        Point3::new(over[4], over[5], over[6]) - self.normal * over[HEIGHT]
+    }
+}
+
+impl Chain {
+    /// Shows that no point of the face is farther from the triangles, each with its error, than the sum of `allowed` and the answer, but for points of the parts that are
+    /// `steep`; these are all of the face but the answer. None if the triangles are not shown to cover it. `loss` is more than rounding hides.
+    pub(crate) fn hold(
+        &mut self,
+        face: &[Point3<f64>; 3],
+        reference: &Reference,
+        triangles: impl Iterator<Item = (u32, [Point3<f64>; 3])>,
+        allowed: f64,
+        loss: f64,
+    ) -> Option<f64> {
+        let frame = Frame::new(face)?;
+        let allowed = allowed - frame.beyond;
+        self.sheet.clear();
+        self.edges.clear();
+        self.steep.clear();
+        for (triangle, corners) in triangles {
+            // What is far above or below is of another sheet, and its outer edges would be over the face.
+            let Some(over) = frame.over(&corners, AWAY * allowed, loss) else { continue };
+            let (polygon, count) = cut(&over, loss);
+            let Some((first, others)) = polygon[..count].split_first() else { continue };
+            let highest =
+                polygon[..count].iter().fold(0.0, |most: f64, corner| most.max(corner[HEIGHT].abs()));
+            if highest + f64::from(reference.errors[triangle as usize]) > allowed {
+                let fan = others.windows(2);
+                self.steep.extend(fan.map(|pair| [first, &pair[0], &pair[1]].map(|over| frame.foot(over))));
+            }
+            let vertices = reference.triangles[triangle as usize];
+            for corner in 0..3_u8 {
+                let (v, w) = (vertices[usize::from(corner)], vertices[usize::from(corner + 1) % 3]);
+                let key = u64::from(v.min(w)) << 32 | u64::from(v.max(w));
+                self.edges.push((key, self.sheet.len() as u32, corner));
+            }
+            self.sheet.push(over);
+        }
+        (self.is_whole(loss) && self.is_over(&frame, face, loss)).then_some(frame.beyond)
+    }
+
+    /// Whether no outer edge passes over the smaller face.
+    fn is_whole(&mut self, loss: f64) -> bool {
+        self.edges.sort_unstable();
+        self.edges.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() % 2 == 1).all(|same| {
+            let (_, triangle, corner) = same[0];
+            let over = &self.sheet[triangle as usize];
+            is_beside(&over[usize::from(corner)], &over[usize::from(corner + 1) % 3], loss)
+        })
+    }
+
+    /// Whether an odd number of triangles is over some point of the face.
+    fn is_over(&self, frame: &Frame, face: &[Point3<f64>; 3], loss: f64) -> bool {
+        PLACES.iter().any(|weights| {
+            let place = face.iter().zip(weights).fold(Vector3::zeros(), |sum, (p, w)| sum + p.coords * *w);
+            let place = frame.place(&Point3::from(place));
+            let mut is_odd = false;
+            for triangle in &self.sheet {
+                match is_inside(triangle, &place, loss) {
+                    Some(is_inside) => is_odd ^= is_inside,
+                    None => return false,
+                }
+            }
+            is_odd
+        })
+    }
+}
+
+/// The part of a triangle that is over the face.
+fn cut(triangle: &[Over; 3], loss: f64) -> ([Over; MOST_CORNERS], usize) {
+    let mut polygon = [[0.0; 7]; MOST_CORNERS];
+    polygon[..3].copy_from_slice(triangle);
+    let mut count = 3;
+    for edge in 0..3 {
+        if polygon[..count].iter().all(|corner| corner[edge] >= -loss) {
+            continue;
+        }
+        let mut before = [[0.0; 7]; MOST_CORNERS];
+        before[..count].copy_from_slice(&polygon[..count]);
+        let mut kept = 0;
+        for i in 0..count {
+            let (from, to) = (&before[i], &before[(i + 1) % count]);
+            let (inside, next) = (from[edge] + loss, to[edge] + loss);
+            if inside >= 0.0 {
+                polygon[kept] = *from;
+                kept += 1;
+            }
+            if (inside >= 0.0) != (next >= 0.0) {
+                let share = inside / (inside - next);
+                polygon[kept] = std::array::from_fn(|k| from[k] + share * (to[k] - from[k]));
+                kept += 1;
+            }
+        }
+        count = kept;
+    }
+    (polygon, count)
+}
+
+/// Whether all of an edge is beside the smaller face.
+fn is_beside(from: &Over, to: &Over, loss: f64) -> bool {
+    let (mut first, mut last) = (0.0_f64, 1.0_f64);
+    for edge in 0..3 {
+        let (a, b) = (from[edge] + loss, to[edge] + loss);
+        match (a >= 0.0, b >= 0.0) {
+            (true, true) => {}
+            (false, false) => return true,
+            (true, false) => last = last.min(a / (a - b)),
+            (false, true) => first = first.max(a / (a - b)),
+        }
+    }
+    first > last
+}
+
+/// Whether a triangle is over a place; none where that is too close to tell.
+fn is_inside(triangle: &[Over; 3], place: &[f64; 3], loss: f64) -> Option<bool> {
+    if (0..2).any(|axis| {
+        triangle.iter().all(|corner| corner[axis] < place[axis] - loss)
+            || triangle.iter().all(|corner| corner[axis] > place[axis] + loss)
+    }) {
+        return Some(false);
+    }
+    let (mut left, mut right, mut unknown) = (false, false, false);
+    for corner in 0..3 {
+        let (p, q) = (&triangle[corner], &triangle[(corner + 1) % 3]);
+        let (one, other) = ((q[0] - p[0]) * (place[1] - p[1]), (q[1] - p[1]) * (place[0] - p[0]));
+        let turn = one - other;
+        if turn.abs() <= DOUBT * (one.abs() + other.abs()) {
+            unknown = true;
+        } else if turn > 0.0 {
+            left = true;
+        } else {
+            right = true;
+        }
+    }
+    match (left && right, unknown) {
+        (true, _) => Some(false),
+        (false, true) => None,
+        (false, false) => Some(true),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use chpm_mesh::geom::to_f64;
+
+    const LOSS: f64 = 1e-12;
+
+    /// A square of 6 x 6 squares about a face, at a height; with the triangles for which `is_there`.
+    fn sheets(heights: &[f32], is_there: impl Fn(u32) -> bool) -> (Reference, Vec<u32>) {
+        let mut reference = Reference::default();
+        for height in heights {
+            let points: Vec<[f32; 3]> =
+                (0..49_u16).map(|i| [f32::from(i % 7) - 3.0, f32::from(i / 7) - 3.0, *height]).collect();
+            let corners = (0..36_u16).map(|i| 7 * (i / 6) + i % 6);
+            let triangles = corners.flat_map(|a| [[a, a + 1, a + 8], [a, a + 8, a + 7]]);
+            reference.add(&points, triangles.map(|triangle| (triangle, 0.125)));
+        }
+        reference.join();
+        let kept = (0..reference.triangle_count() as u32).filter(|triangle| is_there(*triangle)).collect();
+        (reference, kept)
+    }
+
+    fn held((reference, over): &(Reference, Vec<u32>), allowed: f64) -> Option<usize> {
+        let face = [[-1.3_f32, -1.1, 0.0], [1.4, -0.9, 0.0], [0.2, 1.7, 0.0]].map(to_f64);
+        let over = over.iter().map(|index| (*index, reference.corners(*index).map(to_f64)));
+        let mut chain = Chain::default();
+        chain.hold(&face, reference, over, allowed, LOSS).map(|beyond| {
+            assert!(beyond > 0.0 && beyond < 0.01);
+            chain.steep.len()
+        })
+    }
+
+    #[test]
+    fn a_face_is_held_by_a_sheet_over_all_of_it() {
+        let sheet = sheets(&[0.5], |_| true);
+        assert_eq!(held(&sheet, 0.7), Some(0));
+        // With its error it is 0.625 away: all of the face is said to be under what is too high.
+        assert!(held(&sheet, 0.6).is_some_and(|steep| steep > 8));
+        assert_eq!(held(&sheet, 0.1), None, "that is another sheet's");
+    }
+
+    #[test]
+    fn a_face_is_not_held_by_a_sheet_with_a_hole() {
+        // The triangle over the middle, and one beside the face.
+        let whole = sheets(&[0.5], |_| true);
+        let over = |x: f32, y: f32| {
+            let is_over = |index: &u32| {
+                let corners = whole.0.corners(*index);
+                let sides = [0, 1, 2].map(|i| {
+                    let ([a, b, _], [c, d, _]) = (corners[i], corners[(i + 1) % 3]);
+                    (c - a) * (y - b) - (d - b) * (x - a)
+                });
+                sides.iter().all(|side| *side > 0.0) || sides.iter().all(|side| *side < 0.0)
+            };
+            whole.1.iter().copied().find(is_over).unwrap()
+        };
+        let (middle, beside) = (over(0.1, 0.2), over(-2.4, -2.7));
+        assert_eq!(held(&sheets(&[0.5], |index| index != middle), 0.7), None);
+        assert_eq!(held(&sheets(&[0.5], |index| index != beside), 0.7), Some(0));
+    }
+
+    #[test]
+    fn two_sheets_show_nothing_and_three_do() {
+        assert_eq!(held(&sheets(&[0.5, 0.25], |_| true), 0.7), None);
+        assert_eq!(held(&sheets(&[0.5, 0.25, -0.5], |_| true), 0.7), Some(0));
+        assert_eq!(held(&sheets(&[0.5, 9.0], |_| true), 0.7), Some(0), "one is far away");
+    }
+}
