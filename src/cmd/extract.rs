@@ -50,7 +50,7 @@ pub(crate) struct Args {
     threads: ThreadArgs,
     #[command(flatten)]
     mesh: MeshArgs,
-    /// Write the sheets of a file that has them, in images of N texels a side, as many as it takes: into a GLB, or beside an OBJ or a binary PLY.
+    /// Write the sheets of a file that has them, in images of N texels a side, as many as it takes: into a GLB, or beside a glTF, an OBJ or a binary PLY.
     /// Where one is enough, its texels are as fine as fit, up to the source's. Colours of vertices are left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(256..=16384),
           conflicts_with_all = ["tight", "effort", "up", "local_origin", "order"])]

@@ -47,7 +47,7 @@ pub(crate) struct Args {
     /// Which normals vertices have
     #[arg(long, value_name = "WHICH", value_enum, default_value_t = NormalsArg::Source, conflicts_with = "no_normals")]
     normals: NormalsArg,
-    /// Keep the images of the source, in new ones of N texels a side, as many as it takes: into a GLB, or beside an OBJ or a binary PLY. Where one
+    /// Keep the images of the source, in new ones of N texels a side, as many as it takes: into a GLB, or beside a glTF, an OBJ or a binary PLY. Where one
     /// is enough, its texels are as fine as fit, up to the source's. --effort is 1 at most then
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(256..=16384),
           conflicts_with_all = ["up", "local_origin", "order"])]

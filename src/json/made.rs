@@ -8,7 +8,7 @@ use serde::Serialize;
 pub(crate) struct Mesh {
     /// The mesh file
     pub(crate) output: String,
-    /// `PLY`, `STL`, `OBJ` or `GLB`
+    /// `PLY`, `STL`, `OBJ`, `GLB` or `glTF`
     pub(crate) format: &'static str,
     /// Triangles of the mesh
     pub(crate) triangles: u64,
@@ -24,7 +24,7 @@ pub(crate) struct Mesh {
     pub(crate) origin: Option<[f64; 3]>,
     /// The file beside it that tells that; `null` without `--local-origin`
     pub(crate) origin_file: Option<String>,
-    /// With `--up`, and in GLB: the axis of the mesh file that points up, `y` or `z`
+    /// With `--up`, and in glTF: the axis of the mesh file that points up, `y` or `z`
     pub(crate) up: Option<&'static str>,
 }
 

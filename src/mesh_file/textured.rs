@@ -1,63 +1,20 @@
-//! The mesh of a cut with its sheets: a GLB that has them, or an OBJ or a PLY with images beside it.
+//! The mesh of a cut with its sheets: a GLB that has them, or a glTF, an OBJ or a PLY with images beside it.
 
 use super::{MeshFormat, Ready, facts};
+use crate::companions::{Companions, Written, container};
 use crate::progress::Meter;
 use crate::stop;
 use crate::whole::{Order, Whole};
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use chpm_build::Cancel;
-use chpm_export::{
-    Atlases, PartImage, TexturedPart, textured_mtl, write_textured, write_textured_obj, write_textured_ply,
-};
-use chpm_extmem::{AtomicFile, MappedFile};
+use chpm_export::{Atlases, PartImage, textured_mtl, write_textured, write_textured_obj, write_textured_ply};
+use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_refine::Cut;
-use std::io::Write;
-use std::path::{Path, PathBuf};
 
 /// Bytes that writing takes for a mesh of so many triangles.
 pub(crate) fn memory(file: &Chpm<MappedFile>, side: u32, triangles: u64) -> u64 {
     Atlases::memory(file, side, triangles)
-}
-
-/// Files beside an output.
-struct Beside<'a> {
-    output: &'a Path,
-    force: bool,
-    written: Vec<AtomicFile>,
-}
-
-impl Beside<'_> {
-    /// Writes one whose name is the output's with another end, which is answered.
-    fn add(&mut self, end: &str, bytes: &[u8]) -> Result<String> {
-        let stem = self.output.file_stem().unwrap_or_default().to_str().with_context(|| {
-            format!("'{}' has a name that its images cannot be called after", self.output.display())
-        })?;
-        // Words of an OBJ end at blanks.
-        let name = format!("{}{end}", stem.replace(char::is_whitespace, "_"));
-        let path: PathBuf = self.output.with_file_name(&name);
-        let mut file = AtomicFile::create(&path, self.force)?;
-        file.write_all(bytes).with_context(|| format!("cannot write '{}'", path.display()))?;
-        self.written.push(file);
-        Ok(name)
-    }
-
-    /// Images of parts, by number; answers their names.
-    fn add_images(&mut self, parts: &[TexturedPart]) -> Result<Vec<String>> {
-        let mut names = Vec::new();
-        for (number, part) in parts.iter().enumerate() {
-            let end = format!(".{number}.{}", if part.is_png { "png" } else { "jpg" });
-            match &part.image {
-                PartImage::Inside(bytes) => names.push(self.add(&end, bytes)?),
-                PartImage::Beside(name) => names.push(name.clone()),
-            }
-        }
-        Ok(names)
-    }
-
-    fn publish(self) -> Result<()> {
-        Ok(self.written.into_iter().try_for_each(AtomicFile::publish)?)
-    }
 }
 
 impl Ready<'_, '_> {
@@ -80,26 +37,37 @@ impl Ready<'_, '_> {
         meter.start("write", atlases.len() as u64);
         let parts = atlases.parts(file, || stop::check(cancel), || meter.add(1))?;
 
-        let mut beside = Beside { output: path, force: target.args.force, written: Vec::new() };
+        let mut beside = Companions::new(path, target.args.force, format == MeshFormat::Gltf);
         let comment = format!("chpm {}, error {:e}", target.by, bounds.error);
         let origin = facts.placement.origin;
-        let output = match format {
-            MeshFormat::Glb => write_textured(target.output, &facts, &parts, target.args.meshopt)?,
+        let mut written = match format {
+            MeshFormat::Glb | MeshFormat::Gltf => {
+                let mut parts = parts;
+                if format == MeshFormat::Gltf {
+                    let images = beside.add_images(&parts)?;
+                    parts
+                        .iter_mut()
+                        .zip(images)
+                        .for_each(|(part, name)| part.image = PartImage::Beside(name));
+                }
+                let container = container(target.output, target.buffer);
+                let container = write_textured(container, &facts, &parts, target.args.meshopt)?;
+                Written::gltf(container, mesh.triangle_count() > 0)
+            }
             MeshFormat::Obj => {
                 let images = beside.add_images(&parts)?;
                 let mtl = beside.add(".mtl", textured_mtl(&images).as_bytes())?;
-                write_textured_obj(target.output, &parts, origin, &comment, &mtl)?
+                Written::alone(write_textured_obj(target.output, &parts, origin, &comment, &mtl)?)
             }
             MeshFormat::Ply => {
                 let images = beside.add_images(&parts)?;
-                write_textured_ply(target.output, &parts, origin, &comment, &images)?
+                Written::alone(write_textured_ply(target.output, &parts, origin, &comment, &images)?)
             }
-            MeshFormat::Stl => bail!("an STL has no room for images: choose .glb, .obj or .ply"),
+            MeshFormat::Stl => bail!("an STL has no room for images: choose .glb, .gltf, .obj or .ply"),
         };
+        written.beside.extend(beside.into_files());
         file.get_ref().check_unchanged()?;
-        // First, so that no mesh is there without them.
-        beside.publish()?;
-        output.publish()?;
+        written.publish()?;
         meter.finish();
         Ok(())
     }

@@ -1,14 +1,15 @@
-//! GLB, written front to back as one mesh that is welded throughout.
+//! glTF, written front to back as one mesh that is welded throughout.
 
+use crate::container::Container;
 use crate::error::{ExportError, expect};
-use crate::gltf::{Facts, Part, front, padded};
+use crate::gltf::{Facts, Part, document, padded};
 use crate::vertex::Interleave;
 use chpm_mesh::{Aabb, Attributes, VertexSlices};
 use std::io::Write;
 
 /// Writes vertices and then triangles.
 pub struct GlbWriter<W: Write> {
-    writer: W,
+    container: Container<W>,
     buffer: Vec<u8>,
     interleave: Interleave,
     part: Part,
@@ -22,7 +23,7 @@ impl<W: Write> GlbWriter<W> {
     /// # Errors
     /// [`ExportError::TooLarge`] beyond the 4 GiB that a GLB may have; [`ExportError::Write`].
     pub fn new(
-        mut writer: W,
+        mut container: Container<W>,
         facts: &Facts,
         attributes: Attributes,
         vertices: u64,
@@ -31,9 +32,10 @@ impl<W: Write> GlbWriter<W> {
     ) -> Result<Self, ExportError> {
         let part = Part { vertices, triangles, low: bounds.min, high: bounds.max, packed: None };
         let parts = if triangles > 0 { &[part][..] } else { &[] };
-        writer.write_all(&front(facts, attributes, parts)?).map_err(failed)?;
+        let (root, body) = document(facts, attributes, parts);
+        container.begin(root, body)?;
         let interleave = Interleave::new(attributes, &facts.scalars);
-        Ok(GlbWriter { writer, buffer: Vec::new(), interleave, part, vertices: 0, triangles: 0 })
+        Ok(GlbWriter { container, buffer: Vec::new(), interleave, part, vertices: 0, triangles: 0 })
     }
 
     /// Writes vertices.
@@ -71,25 +73,20 @@ impl<W: Write> GlbWriter<W> {
     ///
     /// # Errors
     /// [`ExportError::Count`] if something is missing; [`ExportError::Write`].
-    pub fn finish(mut self) -> Result<W, ExportError> {
+    pub fn finish(mut self) -> Result<Container<W>, ExportError> {
         expect("vertices", self.part.vertices, self.vertices)?;
         expect("triangles", self.part.triangles, self.triangles)?;
         let len = 3 * self.triangles * self.part.index_len();
         self.buffer.resize((padded(len) - len) as usize, 0);
         self.flush()?;
-        self.writer.flush().map_err(failed)?;
-        Ok(self.writer)
+        self.container.finish()
     }
 
     fn flush(&mut self) -> Result<(), ExportError> {
-        self.writer.write_all(&self.buffer).map_err(failed)?;
+        self.container.write(&self.buffer)?;
         self.buffer.clear();
         Ok(())
     }
-}
-
-pub(crate) fn failed(source: std::io::Error) -> ExportError {
-    ExportError::Write { format: "GLB", source }
 }
 
 #[cfg(test)]
@@ -112,13 +109,21 @@ mod tests {
 
     #[test]
     fn nothing_is_a_node_without_a_mesh() {
-        let empty = GlbWriter::new(Vec::new(), &facts(Placement::HERE), Attributes::ALL, 0, 0, &Aabb::EMPTY);
-        let bytes = empty.unwrap().finish().unwrap();
+        let empty = GlbWriter::new(
+            Container::Glb(Vec::new()),
+            &facts(Placement::HERE),
+            Attributes::ALL,
+            0,
+            0,
+            &Aabb::EMPTY,
+        );
+        let bytes = empty.unwrap().finish().unwrap().into_main();
         let text = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
         assert_eq!(bytes.len(), 20 + text, "no chunk of nothing");
         let empty = json(&bytes);
-        let packed = PackedGlb::new(facts(Placement::HERE), Attributes::ALL).begin(Vec::new());
-        assert_eq!(json(&packed.unwrap().finish().unwrap()), empty);
+        let packed =
+            PackedGlb::new(facts(Placement::HERE), Attributes::ALL).begin(Container::Glb(Vec::new()));
+        assert_eq!(json(&packed.unwrap().finish().unwrap().into_main()), empty);
         assert_eq!((&empty["nodes"][0]["extras"]["error"], empty.get("meshes")), (&0.5.into(), None));
     }
 
@@ -134,10 +139,10 @@ mod tests {
         let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let attributes = Attributes { scalar_words: 3, ..Attributes::NONE };
         let bounds = Aabb::of_points(&positions);
-        let mut glb = GlbWriter::new(Vec::new(), &facts, attributes, 3, 1, &bounds).unwrap();
+        let mut glb = GlbWriter::new(Container::Glb(Vec::new()), &facts, attributes, 3, 1, &bounds).unwrap();
         glb.vertices(VertexSlices { scalars: &words, ..VertexSlices::new(&positions) }).unwrap();
         glb.triangles(&[[0, 1, 2]]).unwrap();
-        let bytes = glb.finish().unwrap();
+        let bytes = glb.finish().unwrap().into_main();
         let json = json(&bytes);
         let attributes = &json["meshes"][0]["primitives"][0]["attributes"];
         let accessor = |name: &str| &json["accessors"][attributes[name].as_u64().unwrap() as usize];
@@ -160,8 +165,15 @@ mod tests {
         let mut out = Vec::new();
         let bounds = Aabb { min: [0.0; 3], max: [1.0; 3] };
         let new = |out: &mut Vec<u8>, vertices, triangles| {
-            GlbWriter::new(out, &facts(Placement::HERE), Attributes::NONE, vertices, triangles, &bounds)
-                .map(drop)
+            GlbWriter::new(
+                Container::Glb(out),
+                &facts(Placement::HERE),
+                Attributes::NONE,
+                vertices,
+                triangles,
+                &bounds,
+            )
+            .map(drop)
         };
         // 12 bytes a vertex and 12 a triangle.
         new(&mut out, 119_000_000, 238_000_000).unwrap();
@@ -175,13 +187,19 @@ mod tests {
         let bounds = Aabb { min: [0.0; 3], max: [0.0; 3] };
         for (vertices, component, len) in [(65_535_u64, 5123, 8), (65_536, 5125, 12)] {
             let placement = Placement { origin: [1e7, 0.1, -3.0], ..Placement::HERE };
-            let mut glb =
-                GlbWriter::new(Vec::new(), &facts(placement), Attributes::NONE, vertices, 1, &bounds)
-                    .unwrap();
+            let mut glb = GlbWriter::new(
+                Container::Glb(Vec::new()),
+                &facts(placement),
+                Attributes::NONE,
+                vertices,
+                1,
+                &bounds,
+            )
+            .unwrap();
             assert!(matches!(glb.triangles(&[[0; 3]]), Err(ExportError::Count { what: "vertices", .. })));
             glb.vertices(VertexSlices::new(&vec![[0.0; 3]; vertices as usize])).unwrap();
             glb.triangles(&[[0; 3]]).unwrap();
-            let bytes = glb.finish().unwrap();
+            let bytes = glb.finish().unwrap().into_main();
             let json = json(&bytes);
             assert_eq!(u32::from_le_bytes(bytes[8..12].try_into().unwrap()) as usize, bytes.len());
             assert_eq!(json["accessors"][1]["componentType"], component);

@@ -1,6 +1,5 @@
-//! The JSON of a GLB, and the frame around it.
+//! The JSON of a glTF.
 
-use crate::error::ExportError;
 use crate::turn::Turn;
 use crate::vertex::Stride;
 use chpm_mesh::{Attributes, Scalar, scalar_names};
@@ -38,7 +37,7 @@ impl Placement {
     }
 }
 
-/// Facts of a GLB beside its mesh.
+/// Facts of a glTF beside its mesh.
 #[derive(Clone, Debug)]
 pub struct Facts {
     /// The program that wrote it.
@@ -85,40 +84,11 @@ pub(crate) fn padded(len: u64) -> u64 {
     len.next_multiple_of(4)
 }
 
-/// Everything of a GLB that comes before the vertices.
-pub(crate) fn front(facts: &Facts, attributes: Attributes, parts: &[Part]) -> Result<Vec<u8>, ExportError> {
+/// The JSON of parts, and how many bytes of them follow it.
+pub(crate) fn document(facts: &Facts, attributes: Attributes, parts: &[Part]) -> (Value, u64) {
     let stride = Stride::of(attributes, facts.scalars.len());
     let body: u64 = parts.iter().flat_map(|part| part.stored(stride)).map(padded).sum();
-    framed(&root(facts, stride, parts, body), body)
-}
-
-/// The JSON, and all that stands about it in front of a body of so many bytes.
-pub(crate) fn framed(root: &Value, body: u64) -> Result<Vec<u8>, ExportError> {
-    let mut text = root.to_string().into_bytes();
-    text.resize(padded(text.len() as u64) as usize, b' ');
-
-    let chunk = if body > 0 { 8 + body } else { 0 };
-    let len = 12 + 8 + text.len() as u64 + chunk;
-    let whole = u32::try_from(len).map_err(|_| ExportError::TooLarge {
-        format: "GLB",
-        what: "bytes",
-        limit: u32::MAX.into(),
-        got: len,
-        remedy: "write a PLY, ask for fewer triangles, or compress it with --meshopt",
-    })?;
-
-    let mut front = Vec::with_capacity(28 + text.len());
-    front.extend(b"glTF");
-    front.extend(2_u32.to_le_bytes());
-    front.extend(whole.to_le_bytes());
-    front.extend((text.len() as u32).to_le_bytes());
-    front.extend(b"JSON");
-    front.extend(text);
-    if body > 0 {
-        front.extend((body as u32).to_le_bytes());
-        front.extend(b"BIN\0");
-    }
-    Ok(front)
+    (root(facts, stride, parts, body), body)
 }
 
 fn root(facts: &Facts, stride: Stride, parts: &[Part], body: u64) -> Value {

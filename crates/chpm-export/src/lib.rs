@@ -1,4 +1,4 @@
-//! Meshes and hierarchies for other programs: STL, OBJ, GLB (glTF 2.0) and 3D Tiles 1.1.
+//! Meshes and hierarchies for other programs: STL, OBJ, glTF 2.0 and 3D Tiles 1.1.
 //!
 //! [`StlWriter`], [`ObjWriter`] and [`GlbWriter`] take a mesh in batches and write it front to back, so that none has to be in memory;
 //! [`PackedGlb`] does the same in two passes, with `EXT_meshopt_compression`. [`Atlases`] packs sheets of a cut into images, and [`TexturedPart`]s with
@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 mod atlas;
+mod container;
 mod error;
 mod finer;
 mod glb;
@@ -20,6 +21,7 @@ mod turn;
 mod vertex;
 
 pub use atlas::Atlases;
+pub use container::Container;
 pub use error::ExportError;
 pub use glb::GlbWriter;
 pub use gltf::{Facts, Placement};

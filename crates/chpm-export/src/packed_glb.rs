@@ -1,9 +1,9 @@
-//! GLB with `EXT_meshopt_compression`, in pieces. How long a piece becomes is known when it is compressed, and comes in front of all of them: so
+//! glTF with `EXT_meshopt_compression`, in pieces. How long a piece becomes is known when it is compressed, and comes in front of all of them: so
 //! a first pass over the mesh measures, and a second one writes.
 
+use crate::container::Container;
 use crate::error::{ExportError, expect};
-use crate::glb::failed;
-use crate::gltf::{Facts, Part, front, padded};
+use crate::gltf::{Facts, Part, document, padded};
 use crate::vertex::{Interleave, Stride};
 use bytemuck::Pod;
 use chpm_mesh::{Aabb, Attributes, VertexSlices};
@@ -24,7 +24,7 @@ pub struct PackedGlb {
 
 /// Writes the pieces that were measured.
 pub struct PackedGlbWriter<W: Write> {
-    writer: W,
+    container: Container<W>,
     attributes: Attributes,
     parts: std::vec::IntoIter<Part>,
 }
@@ -50,10 +50,10 @@ impl PackedGlb {
     ///
     /// # Errors
     /// [`ExportError::TooLarge`] beyond the 4 GiB that a GLB may have; [`ExportError::Write`].
-    pub fn begin<W: Write>(self, mut writer: W) -> Result<PackedGlbWriter<W>, ExportError> {
-        let front = front(&self.facts, self.attributes, &self.parts)?;
-        writer.write_all(&front).map_err(failed)?;
-        Ok(PackedGlbWriter { writer, attributes: self.attributes, parts: self.parts.into_iter() })
+    pub fn begin<W: Write>(self, mut container: Container<W>) -> Result<PackedGlbWriter<W>, ExportError> {
+        let (root, body) = document(&self.facts, self.attributes, &self.parts);
+        container.begin(root, body)?;
+        Ok(PackedGlbWriter { container, attributes: self.attributes, parts: self.parts.into_iter() })
     }
 }
 
@@ -68,7 +68,7 @@ impl<W: Write> PackedGlbWriter<W> {
         for (mut bytes, measured) in packed.into_iter().zip(measured) {
             expect("bytes of a piece", measured, bytes.len() as u64)?;
             bytes.resize(padded(measured) as usize, 0);
-            self.writer.write_all(&bytes).map_err(failed)?;
+            self.container.write(&bytes)?;
         }
         Ok(())
     }
@@ -77,10 +77,9 @@ impl<W: Write> PackedGlbWriter<W> {
     ///
     /// # Errors
     /// [`ExportError::Count`] if pieces are missing; [`ExportError::Write`].
-    pub fn finish(mut self) -> Result<W, ExportError> {
+    pub fn finish(self) -> Result<Container<W>, ExportError> {
         expect("pieces", 0, self.parts.len() as u64)?;
-        self.writer.flush().map_err(failed)?;
-        Ok(self.writer)
+        self.container.finish()
     }
 }
 
@@ -93,12 +92,14 @@ pub(crate) fn whole(
 ) -> Result<Vec<u8>, ExportError> {
     let packed = compressed(attributes, vertices, triangles)?;
     let part = part(vertices, triangles, packed.each_ref().map(|bytes| bytes.len() as u64));
-    let mut glb = front(facts, attributes, &[part])?;
-    for bytes in packed {
-        glb.extend_from_slice(&bytes);
-        glb.resize(padded(glb.len() as u64) as usize, 0);
+    let mut container = Container::Glb(Vec::new());
+    let (root, body) = document(facts, attributes, &[part]);
+    container.begin(root, body)?;
+    for mut bytes in packed {
+        bytes.resize(padded(bytes.len() as u64) as usize, 0);
+        container.write(&bytes)?;
     }
-    Ok(glb)
+    Ok(container.into_main())
 }
 
 fn part(vertices: VertexSlices<'_>, triangles: &[[u32; 3]], packed: [u64; 2]) -> Part {

@@ -1,8 +1,8 @@
-//! GLB with images: parts of a mesh, each with an image of its own.
+//! glTF with images: parts of a mesh, each with an image of its own.
 
+use crate::container::{Container, uri};
 use crate::error::{ExportError, expect};
-use crate::glb::failed;
-use crate::gltf::{Facts, MESHOPT, Part, framed, padded, unpacked_nowhere};
+use crate::gltf::{Facts, MESHOPT, Part, padded, unpacked_nowhere};
 use crate::packed_glb::{packed_indices, packed_vertices};
 use bytemuck::Pod;
 use chpm_mesh::Aabb;
@@ -37,9 +37,9 @@ pub struct TexturedPart {
 /// Where the image of a part is.
 #[derive(Clone, PartialEq, Debug)]
 pub enum PartImage {
-    /// In the GLB: its bytes.
+    /// In the buffer: its bytes.
     Inside(Vec<u8>),
-    /// In a file beside the GLB: its name.
+    /// In a file beside it: its name.
     Beside(String),
 }
 
@@ -155,17 +155,17 @@ impl<'a> Tables<'a> {
     }
 }
 
-/// Writes a GLB of parts; `is_packed` with `EXT_meshopt_compression`.
+/// Writes a glTF of parts; `is_packed` with `EXT_meshopt_compression`.
 ///
 /// # Errors
 /// [`ExportError::Count`] for parts of other lengths; [`ExportError::TooLarge`] beyond the 4 GiB that a GLB may have; [`ExportError::Compression`];
 /// [`ExportError::Write`].
 pub fn write_textured<W: Write>(
-    mut writer: W,
+    mut container: Container<W>,
     facts: &Facts,
     parts: &[TexturedPart],
     is_packed: bool,
-) -> Result<W, ExportError> {
+) -> Result<Container<W>, ExportError> {
     let (mut tables, mut primitives) = (Tables { is_packed, ..Tables::default() }, Vec::new());
     let (mut images, mut materials) = (Vec::new(), Vec::new());
     let shown = || parts.iter().filter(|part| !part.triangles.is_empty());
@@ -190,7 +190,7 @@ pub fn write_textured<W: Write>(
                 let kind = if part.is_png { "image/png" } else { "image/jpeg" };
                 json!({ "bufferView": tables.view(bytes.as_slice(), None), "mimeType": kind })
             }
-            PartImage::Beside(name) => json!({ "uri": name }),
+            PartImage::Beside(name) => json!({ "uri": uri(name) }),
         });
         let mut material = json!({
             "doubleSided": true,
@@ -225,13 +225,13 @@ pub fn write_textured<W: Write>(
         }
     }
     root["nodes"] = json!([node]);
-    writer.write_all(&framed(&root, tables.stored)?).map_err(failed)?;
+    container.begin(root, tables.stored)?;
     for block in tables.blocks {
         let zeros = padded(block.len() as u64) as usize - block.len();
-        writer.write_all(&block).and_then(|()| writer.write_all(&[0; 4][..zeros])).map_err(failed)?;
+        container.write(&block)?;
+        container.write(&[0; 4][..zeros])?;
     }
-    writer.flush().map_err(failed)?;
-    Ok(writer)
+    container.finish()
 }
 
 fn index_len(part: &TexturedPart) -> u64 {
@@ -262,7 +262,7 @@ mod tests {
             is_blended: x > 0.0,
         };
         let parts = [part(0.0, b"first"), part(7.0, b"second!")];
-        let bytes = write_textured(Vec::new(), &facts, &parts, false).unwrap();
+        let bytes = write_textured(Container::Glb(Vec::new()), &facts, &parts, false).unwrap().into_main();
         let len = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
         let json: Value = serde_json::from_slice(&bytes[20..20 + len]).unwrap();
         assert_eq!(u32::from_le_bytes(bytes[8..12].try_into().unwrap()) as usize, bytes.len());
@@ -283,7 +283,7 @@ mod tests {
         }
 
         // Packed, views unpack to the same.
-        let bytes = write_textured(Vec::new(), &facts, &parts, true).unwrap();
+        let bytes = write_textured(Container::Glb(Vec::new()), &facts, &parts, true).unwrap().into_main();
         let len = len_of(&bytes);
         let json: Value = serde_json::from_slice(&bytes[20..20 + len]).unwrap();
         assert_eq!(json["buffers"][1]["extensions"][MESHOPT]["fallback"], true);
@@ -307,7 +307,7 @@ mod tests {
         let mut wrong = part(0.0, b"");
         wrong.places.pop();
         assert!(matches!(
-            write_textured(Vec::new(), &facts, &[wrong], false),
+            write_textured(Container::Glb(Vec::new()), &facts, &[wrong], false),
             Err(ExportError::Count { .. })
         ));
     }

@@ -1,6 +1,7 @@
 //! The mesh of a tile.
 
 use super::{Options, SharedNormals, tile_path};
+use crate::container::Container;
 use crate::error::ExportError;
 use crate::glb::GlbWriter;
 use crate::gltf::Facts;
@@ -88,7 +89,7 @@ pub fn tile<D: AsRef<[u8]>>(
             _ => PartImage::Beside(last(&image_path(cluster, &sheet)).to_owned()),
         };
         let part = textured(&mesh, shown.map(|(_, chart)| *chart), &sheet, image);
-        let glb = write_textured(Vec::new(), &facts, &[part], options.packed)?;
+        let glb = write_textured(Container::Glb(Vec::new()), &facts, &[part], options.packed)?.into_main();
         return Ok((glb, mesh.triangles.len() as u64));
     }
     let stored = file.header().attributes().decoded();
@@ -110,10 +111,11 @@ pub(super) fn content(
 
     let bounds = Aabb::of_points(&mesh.positions);
     let (vertices, triangles) = (mesh.positions.len() as u64, mesh.triangles.len() as u64);
-    let mut glb = GlbWriter::new(Vec::new(), facts, attributes, vertices, triangles, &bounds)?;
+    let mut glb =
+        GlbWriter::new(Container::Glb(Vec::new()), facts, attributes, vertices, triangles, &bounds)?;
     glb.vertices(mesh.view())?;
     glb.triangles(&mesh.triangles)?;
-    glb.finish()
+    Ok(glb.finish()?.into_main())
 }
 
 /// A mesh over its sheet, given the chart of each of its triangles. Colours of vertices are left out: the image has them.
