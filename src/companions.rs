@@ -46,17 +46,18 @@ impl<'a> Companions<'a> {
         Ok(name)
     }
 
-    /// Images of parts, by number; answers their names.
-    pub(crate) fn add_images(&mut self, parts: &[TexturedPart]) -> Result<Vec<String>> {
-        let mut names = Vec::new();
-        for (number, part) in parts.iter().enumerate() {
-            let end = format!(".{number}.{}", if part.is_png { "png" } else { "jpg" });
-            match &part.image {
-                PartImage::Inside(bytes) => names.push(self.add(&end, bytes)?),
-                PartImage::Beside(name) => names.push(name.clone()),
-            }
+    /// Moves the images of parts to files of their own, which are numbered on from those that have `names`.
+    pub(crate) fn add_images(&mut self, parts: &mut [TexturedPart], names: &mut Vec<String>) -> Result<()> {
+        for part in parts {
+            let end = format!(".{}.{}", names.len(), if part.is_png { "png" } else { "jpg" });
+            let name = match &part.image {
+                PartImage::Inside(bytes) => self.add(&end, bytes)?,
+                PartImage::Beside(name) => name.clone(),
+            };
+            part.image = PartImage::Beside(name.clone());
+            names.push(name);
         }
-        Ok(names)
+        Ok(())
     }
 
     /// The files.

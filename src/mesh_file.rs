@@ -16,7 +16,7 @@ use crate::upright::Upright;
 use crate::whole::{Order, Whole};
 use anyhow::{Context, Result, bail, ensure};
 use chpm_build::Cancel;
-use chpm_export::{PIECE_VERTICES, Turn};
+use chpm_export::{PIECE_VERTICES, Turn, coverage};
 use chpm_extmem::{AtomicFile, MappedFile};
 use chpm_format::Chpm;
 use chpm_mesh::{Counted, Scalar, geom};
@@ -32,7 +32,7 @@ const SELECTION: u64 = 256;
 const PIECE: u64 = 4 << 20;
 
 /// Where a mesh goes, and as what.
-#[derive(clap::Args, Debug)]
+#[derive(clap::Args, Clone, Debug)]
 pub(crate) struct MeshArgs {
     /// The file to write. Its name says the format: .ply, .stl, .obj, .glb or .gltf; PLY where it says nothing; - for standard output
     #[arg(short, long, value_name = "FILE")]
@@ -80,17 +80,26 @@ pub(crate) struct MeshFile<'a> {
     aside: Option<(PathBuf, AtomicFile)>,
 }
 
-/// A mesh file, and the mesh that goes into it.
+/// A mesh file, and the mesh that goes into it; several are levels of detail.
 pub(crate) struct Ready<'m, 'a> {
     target: MeshFile<'a>,
-    mesh: &'m Extraction<'m, MappedFile>,
+    /// The finest first; at least one.
+    pub(crate) levels: Vec<ReadyMesh<'m>>,
     frame: Frame,
     /// By a node.
     turn: Turn,
     /// Which way is up, and why, where that was found out.
     pub(crate) upright: Option<String>,
-    pub(crate) bounds: Bounds,
     pub(crate) warnings: Vec<String>,
+}
+
+/// A mesh that goes into a file.
+#[derive(Clone, Copy)]
+pub(crate) struct ReadyMesh<'m> {
+    pub(crate) mesh: &'m Extraction<'m, MappedFile>,
+    pub(crate) bounds: Bounds,
+    /// Down to which share of an image's height it is to be drawn.
+    pub(crate) coverage: f64,
 }
 
 /// Bounds that a cut keeps, with the format's rounding.
@@ -115,6 +124,24 @@ impl MeshArgs {
                 output::otherwise(&self.output)
             )
         })
+    }
+
+    /// Whether one file of this format has room for levels of detail.
+    pub(crate) fn has_levels(&self, by: &str) -> Result<bool> {
+        Ok(self.format(by)?.is_gltf())
+    }
+
+    /// The same for a file of a level's own: `out.ply` becomes `out.lod2.ply`.
+    pub(crate) fn of_level(&self, by: &str, level: usize) -> Result<MeshArgs> {
+        let format = self.format(by)?;
+        ensure!(
+            !output::is_stdout(&self.output),
+            "each level of detail is a file here: name one, or write a GLB without --lods-apart, which has all of them"
+        );
+        let mut name = self.output.file_stem().unwrap_or_default().to_owned();
+        name.push(format!(".lod{level}."));
+        name.push(self.output.extension().unwrap_or(format.extension().as_ref()));
+        Ok(MeshArgs { output: self.output.with_file_name(name), format: Some(format), ..self.clone() })
     }
 
     /// Bytes that selecting and writing take besides the file's tables.
@@ -229,18 +256,23 @@ impl MeshFile<'_> {
 }
 
 impl<'m, 'a> Ready<'m, 'a> {
-    /// Decides in which coordinates a mesh is written. Where it is `proven` to be nearer to the source than is stored, that is told.
+    /// Decides in which coordinates a mesh is written, or several, the finest first. Where they are `proven` to be nearer to the source than is stored, that
+    /// is told.
     pub(crate) fn new(
         target: MeshFile<'a>,
         file: &Chpm<MappedFile>,
-        mesh: &'m Extraction<'m, MappedFile>,
+        meshes: &[&'m Extraction<'m, MappedFile>],
         proven: Option<f32>,
         cancel: &Cancel,
     ) -> Result<Self> {
         let lost = target.lost(file);
         let mut frame = target.frame(file, false);
-        if lost > 0.0 && frame.offset().is_none() && collapses(mesh, file.header().origin, cancel)? {
-            frame = target.frame(file, true);
+        if lost > 0.0 && frame.offset().is_none() {
+            for mesh in meshes {
+                if collapses(mesh, file.header().origin, cancel)? {
+                    frame = target.frame(file, true);
+                }
+            }
         }
         let finds_up = target.format.is_gltf() && target.args.up.is_none();
         let found = finds_up.then(|| Upright::of(file, None)).transpose()?;
@@ -251,30 +283,46 @@ impl<'m, 'a> Ready<'m, 'a> {
             if rounding > 0.0 { geom::round_up(f64::from(bound) + rounding) } else { bound }
         }
         let nearest = |stored: f32| with(proven.map_or(stored, |proven| proven.min(stored)), rounding);
-        let bounds = Bounds { error: nearest(mesh.error()), distance: nearest(mesh.distance()) };
+        let of = |mesh: &Extraction<'_, MappedFile>| Bounds {
+            error: nearest(mesh.error()),
+            distance: nearest(mesh.distance()),
+        };
+        let distances: Vec<f32> = meshes.iter().map(|mesh| of(mesh).distance).collect();
+        let shares = coverage(&distances, file.header().aabb().diagonal());
+        let levels: Vec<_> = meshes
+            .iter()
+            .zip(shares)
+            .map(|(mesh, coverage)| ReadyMesh { mesh, bounds: of(mesh), coverage })
+            .collect();
         let moved = frame.offset().filter(|_| !target.args.local_origin).map(|[x, y, z]| {
             format!(
                 "so far from the zero point, the single precision of binary STL would move vertices by up to {} units: coordinates are written relative to {x} {y} {z}; --local-origin tells that in a file beside it, --ascii and other formats keep the coordinates",
                 AtMost(lost)
             )
         });
-        let left_out =
-            if target.keeps_scalars(mesh.triangle_count()) { None } else { without(mesh.scalars()) };
+        let triangles = meshes.iter().map(|mesh| mesh.triangle_count()).sum();
+        let left_out = if target.keeps_scalars(triangles) { None } else { without(file.scalars()) };
         let warnings = moved.into_iter().chain(left_out).collect();
-        Ok(Ready { target, mesh, frame, turn, upright, bounds, warnings })
+        Ok(Ready { target, levels, frame, turn, upright, warnings })
     }
 
-    /// Facts about the written file, for programs.
-    pub(crate) fn json(&self) -> made::Mesh {
+    /// The mesh, or the finest level.
+    pub(crate) fn finest(&self) -> ReadyMesh<'m> {
+        self.levels[0]
+    }
+
+    /// Facts about a mesh of the written file, for programs.
+    pub(crate) fn json(&self, of: ReadyMesh<'m>) -> made::Mesh {
+        let ReadyMesh { mesh, bounds, .. } = of;
         let (MeshArgs { output, up, .. }, format) = (self.target.args, self.target.format);
         made::Mesh {
             output: named(output),
             format: format.name(),
-            triangles: self.mesh.triangle_count(),
-            coincident: self.mesh.coincident_count(),
-            vertices: self.mesh.vertex_count(),
-            error: self.bounds.error,
-            distance: self.bounds.distance,
+            triangles: mesh.triangle_count(),
+            coincident: mesh.coincident_count(),
+            vertices: mesh.vertex_count(),
+            error: bounds.error,
+            distance: bounds.distance,
             origin: self.offset(),
             origin_file: self.target.aside.as_ref().map(|(path, _)| named(path)),
             up: up.is_some().then_some(format.up()).or(self.upright.as_ref().map(|_| format.up())),
@@ -286,12 +334,11 @@ impl<'m, 'a> Ready<'m, 'a> {
         self.frame.offset().map(|offset| self.turn.apply(offset))
     }
 
-    /// Streams the mesh and gives the file its name.
-    pub(crate) fn write(self, file: &Chpm<MappedFile>, meter: &Meter, cancel: &Cancel) -> Result<()> {
-        let offset = self.offset();
-        let Ready { target, mesh, frame, turn, bounds, .. } = self;
+    /// Streams the mesh. The file has no name yet.
+    pub(crate) fn write(self, file: &Chpm<MappedFile>, meter: &Meter, cancel: &Cancel) -> Result<Written> {
+        let (offset, Bounds { error, distance }) = (self.offset(), self.finest().bounds);
+        let Ready { target, levels, frame, turn, .. } = self;
         let (by, ascii) = (target.by, target.args.ascii);
-        let Bounds { error, distance } = bounds;
         // In front, since a binary STL has room for 80 bytes.
         let place = offset.map_or(String::new(), |[x, y, z]| format!(", origin {x} {y} {z}"));
         let comment = match file.has_gaps() {
@@ -299,7 +346,11 @@ impl<'m, 'a> Ready<'m, 'a> {
             false => format!("chpm {by}{place}, error {error:e}"),
         };
         let steps = Steps { meter, cancel };
-        let mesh = &Whole::new(mesh, frame, target.args.order, cancel)?;
+        let meshes: Vec<Whole<'_>> = levels
+            .iter()
+            .map(|level| Whole::new(level.mesh, frame, target.args.order, cancel))
+            .collect::<Result<_>>()?;
+        let mesh = &meshes[0];
         stop::check(cancel)?;
         let output = target.output;
         let mut written = match target.format {
@@ -307,12 +358,12 @@ impl<'m, 'a> Ready<'m, 'a> {
             MeshFormat::Stl => Written::alone(streamed::stl(mesh, output, ascii, &comment, &steps)?),
             MeshFormat::Obj => Written::alone(streamed::obj(mesh, output, &comment, &steps)?),
             MeshFormat::Glb | MeshFormat::Gltf => {
-                let (facts, container) =
-                    (facts(file, mesh, by, bounds, offset, turn), container(output, target.buffer));
-                let has_mesh = mesh.triangle_count() > 0;
+                let facts = facts(file, (&levels, mesh.origin()), by, offset, turn);
+                let has_mesh = meshes.iter().any(|mesh| mesh.triangle_count() > 0);
+                let container = container(output, target.buffer);
                 let container = match target.args.meshopt && has_mesh {
-                    true => streamed::packed_gltf(mesh, container, facts, &steps)?,
-                    false => streamed::gltf(mesh, container, &facts, &steps)?,
+                    true => streamed::packed_gltf(&meshes, container, facts, &steps)?,
+                    false => streamed::gltf(&meshes, container, &facts, &steps)?,
                 };
                 Written::gltf(container, has_mesh)
             }
@@ -328,9 +379,8 @@ impl<'m, 'a> Ready<'m, 'a> {
             written.beside.push(aside);
         }
         file.get_ref().check_unchanged()?;
-        written.publish()?;
         meter.finish();
-        Ok(())
+        Ok(written)
     }
 }
 
@@ -386,6 +436,11 @@ pub(crate) fn summary(
     bounds: Bounds,
     unit: &str,
 ) -> String {
+    format!("{}: {}", output.display(), outline(mesh, bounds, unit))
+}
+
+/// The same without its name.
+pub(crate) fn outline(mesh: &Extraction<'_, MappedFile>, bounds: Bounds, unit: &str) -> String {
     let Bounds { error, distance } = bounds;
     // Only what has vanished is farther.
     let vanished = match distance > error {
@@ -397,8 +452,7 @@ pub(crate) fn summary(
         count => format!(", {} of them on others", crate::report::count(count)),
     };
     format!(
-        "{}: {}{coincident}, {}, error {} {unit}{vanished}",
-        output.display(),
+        "{}{coincident}, {}, error {} {unit}{vanished}",
         Counted(mesh.triangle_count(), "triangle"),
         Counted(mesh.vertex_count().into(), "vertex"),
         AtMost(error.into()),

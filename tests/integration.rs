@@ -58,6 +58,8 @@ mod integration {
     mod json;
     /// Positions on a lattice.
     mod lattice;
+    /// Levels of detail in one file, or in several.
+    mod lods;
     /// Known distances, and stored errors that hold or do not.
     mod measure;
     /// Verbs that read stay below the memory that they are given.

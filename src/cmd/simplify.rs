@@ -147,8 +147,9 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             .map_or(0, |side| mesh_file::textured_memory(&file, side, mesh.triangle_count()));
         let bytes = args.mesh.memory("simplify", &file)? + args.mesh.order_memory(&mesh) + images;
         memory::divide(&file, config.resources.memory, bytes)?;
-        let ready = Ready::new(target, &file, &mesh, proven, &cancel)?;
-        let (bounds, upright) = (ready.bounds, ready.upright.clone());
+        let ready = Ready::new(target, &file, &[&mesh], proven, &cancel)?;
+        let (finest, upright) = (ready.finest(), ready.upright.clone());
+        let bounds = finest.bounds;
         if let Some(asked) = bound.map(|bound| bound.of(diagonal)) {
             ensure!(
                 f64::from(bounds.distance) <= asked,
@@ -168,12 +169,13 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             diagonal,
             unit: args.unit.map(Unit::symbol),
             warnings: report.warnings.iter().chain(&warnings).cloned().collect(),
-            mesh: ready.json(),
+            mesh: ready.json(finest),
         };
-        match args.texture_size {
-            Some(side) => ready.write_textured(&file, &cut, side, &meter, &cancel)?,
+        let written = match args.texture_size {
+            Some(side) => ready.write_textured(&file, &[&cut], side, &|_| Ok(()), &meter, &cancel)?,
             None => ready.write(&file, &meter, &cancel)?,
-        }
+        };
+        written.publish()?;
         if args.json {
             json::print(&simplify, &mut out)?;
             return Ok(out.flush()?);

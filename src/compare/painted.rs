@@ -9,7 +9,7 @@ use crate::stop::{self, Stop};
 use crate::upright::Upright;
 use anyhow::{Result, bail};
 use chpm_build::{BuildConfig, Cancel, Resources};
-use chpm_export::{Container, Facts, GlbWriter, Placement};
+use chpm_export::{Container, Extent, Facts, GlbWriter, Level, Placement};
 use chpm_extmem::{MappedFile, WorkDir};
 use chpm_format::Chpm;
 use chpm_import::ply::{Encoding, PlyWriter};
@@ -171,7 +171,7 @@ impl Colored<'_> {
         let facts = Facts {
             generator: format!("chpm {} {}", env!("CARGO_PKG_VERSION"), self.by),
             placement,
-            extras,
+            levels: vec![Level { extras, coverage: 0.0 }],
             scalars: Vec::new(),
         };
         let mut bounds = Aabb::EMPTY;
@@ -180,7 +180,7 @@ impl Colored<'_> {
             Ok(())
         })?;
         let (vertices, triangles) = self.counts();
-        let mut glb = GlbWriter::new(container, &facts, COLORED, vertices, triangles, &bounds)?;
+        let mut glb = GlbWriter::new(container, &facts, COLORED, &[Extent { vertices, triangles, bounds }])?;
         self.vertices(|batch| Ok(glb.vertices(batch)?))?;
         self.triangles(|batch| Ok(glb.triangles(batch)?))?;
         Ok(companions::Written::gltf(glb.finish()?, triangles > 0))

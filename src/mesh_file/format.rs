@@ -36,6 +36,17 @@ impl MeshFormat {
         Self::NAMES.iter().find(|(known, _)| *known == name).map(|(_, format)| *format)
     }
 
+    /// How names of such files end.
+    pub(super) fn extension(self) -> &'static str {
+        match self {
+            MeshFormat::Ply => "ply",
+            MeshFormat::Stl => "stl",
+            MeshFormat::Obj => "obj",
+            MeshFormat::Glb => "glb",
+            MeshFormat::Gltf => "gltf",
+        }
+    }
+
     /// Whether it is glTF, in one file or two.
     pub(super) fn is_gltf(self) -> bool {
         matches!(self, MeshFormat::Glb | MeshFormat::Gltf)

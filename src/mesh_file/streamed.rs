@@ -1,6 +1,6 @@
 //! The mesh of a cut, streamed into a file batch by batch.
 
-use super::Bounds;
+use super::ReadyMesh;
 use crate::output::Output;
 use crate::progress::Meter;
 use crate::stop;
@@ -8,12 +8,13 @@ use crate::whole::Whole;
 use anyhow::Result;
 use chpm_build::Cancel;
 use chpm_export::{
-    Container, Facts, GlbWriter, ObjWriter, PIECE_VERTICES, PackedGlb, Placement, StlWriter, Turn,
+    Container, Extent, Facts, GlbWriter, Level, ObjWriter, PIECE_VERTICES, PackedGlb, Placement, StlWriter,
+    Turn,
 };
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, ErrorKind};
 use chpm_import::ply::{Encoding, PlyWriter};
-use chpm_mesh::{Aabb, VertexSlices};
+use chpm_mesh::{Aabb, Attributes, VertexSlices};
 use serde_json::Map;
 
 /// Progress, and the wish to stop.
@@ -34,26 +35,30 @@ impl Steps<'_> {
     }
 }
 
+/// Facts about levels whose positions are relative to an origin, if that is not zero.
 pub(super) fn facts(
     file: &Chpm<MappedFile>,
-    mesh: &Whole<'_>,
+    (levels, origin): (&[ReadyMesh<'_>], Option<[f64; 3]>),
     by: &str,
-    bounds: Bounds,
     offset: Option<[f64; 3]>,
     turn: Turn,
 ) -> Facts {
-    let mut extras = Map::new();
-    extras.insert("error".to_owned(), f64::from(bounds.error).into());
-    if file.has_gaps() {
-        extras.insert("distance".to_owned(), f64::from(bounds.distance).into());
-    }
-    extras.insert("certified".to_owned(), (file.header().error_kind() == Some(ErrorKind::Certified)).into());
-    if let Some(offset) = offset {
-        extras.insert("origin".to_owned(), offset.to_vec().into());
-    }
+    let of = |level: &ReadyMesh<'_>| {
+        let mut extras = Map::new();
+        extras.insert("error".to_owned(), f64::from(level.bounds.error).into());
+        if file.has_gaps() {
+            extras.insert("distance".to_owned(), f64::from(level.bounds.distance).into());
+        }
+        let is_certified = file.header().error_kind() == Some(ErrorKind::Certified);
+        extras.insert("certified".to_owned(), is_certified.into());
+        if let Some(offset) = offset {
+            extras.insert("origin".to_owned(), offset.to_vec().into());
+        }
+        Level { extras, coverage: level.coverage }
+    };
     let generator = format!("chpm {} {by}", env!("CARGO_PKG_VERSION"));
-    let placement = Placement { origin: mesh.origin().unwrap_or_default(), turn };
-    Facts { generator, placement, extras, scalars: mesh.scalars().to_vec() }
+    let placement = Placement { origin: origin.unwrap_or_default(), turn };
+    Facts { generator, placement, levels: levels.iter().map(of).collect(), scalars: file.scalars().to_vec() }
 }
 
 /// In doubles if the model is far from the zero point: single precision would move vertices there.
@@ -138,47 +143,71 @@ pub(super) fn obj(mesh: &Whole<'_>, output: Output, comment: &str, steps: &Steps
     Ok(obj.finish()?)
 }
 
+/// Levels of detail, the finest first; as many as the facts are of.
 pub(super) fn gltf(
-    mesh: &Whole<'_>,
+    levels: &[Whole<'_>],
     container: Container<Output>,
     facts: &Facts,
     steps: &Steps<'_>,
 ) -> Result<Container<Output>> {
-    let (vertices, triangles) = (u64::from(mesh.vertex_count()), mesh.triangle_count());
-    steps.begin(2 * vertices + triangles);
-    let mut bounds = Aabb::EMPTY;
-    mesh.vertices(|batch| {
-        bounds.merge(&Aabb::of_points(batch.positions));
-        steps.done(batch.positions.len())
-    })?;
-    let mut glb = GlbWriter::new(container, facts, mesh.attributes(), vertices, triangles, &bounds)?;
-    mesh.vertices(|batch| {
-        steps.done(batch.positions.len())?;
-        anyhow::Ok(glb.vertices(batch)?)
-    })?;
-    mesh.triangles(|batch| {
-        steps.done(batch.len())?;
-        anyhow::Ok(glb.triangles(batch)?)
-    })?;
+    let count = |mesh: &Whole<'_>| 2 * u64::from(mesh.vertex_count()) + mesh.triangle_count();
+    steps.begin(levels.iter().map(count).sum());
+    let mut extents = Vec::new();
+    for mesh in levels {
+        let mut bounds = Aabb::EMPTY;
+        mesh.vertices(|batch| {
+            bounds.merge(&Aabb::of_points(batch.positions));
+            steps.done(batch.positions.len())
+        })?;
+        let (vertices, triangles) = (u64::from(mesh.vertex_count()), mesh.triangle_count());
+        extents.push(Extent { vertices, triangles, bounds });
+    }
+    let mut glb = GlbWriter::new(container, facts, attributes(levels), &extents)?;
+    for (number, mesh) in levels.iter().enumerate() {
+        if number > 0 {
+            glb.next_level()?;
+        }
+        mesh.vertices(|batch| {
+            steps.done(batch.positions.len())?;
+            anyhow::Ok(glb.vertices(batch)?)
+        })?;
+        mesh.triangles(|batch| {
+            steps.done(batch.len())?;
+            anyhow::Ok(glb.triangles(batch)?)
+        })?;
+    }
     Ok(glb.finish()?)
 }
 
+/// Attributes of all levels, which are of one file.
+fn attributes(levels: &[Whole<'_>]) -> Attributes {
+    levels.first().map_or(Attributes::NONE, Whole::attributes)
+}
+
+/// The same, compressed.
 pub(super) fn packed_gltf(
-    mesh: &Whole<'_>,
+    levels: &[Whole<'_>],
     container: Container<Output>,
     facts: Facts,
     steps: &Steps<'_>,
 ) -> Result<Container<Output>> {
-    steps.begin(2 * mesh.triangle_count());
-    let mut measured = PackedGlb::new(facts, mesh.attributes());
-    mesh.pieces(PIECE_VERTICES, |vertices: VertexSlices<'_>, triangles| {
-        steps.done(triangles.len())?;
-        anyhow::Ok(measured.measure(vertices, triangles)?)
-    })?;
+    steps.begin(2 * levels.iter().map(Whole::triangle_count).sum::<u64>());
+    let mut measured = PackedGlb::new(facts, attributes(levels));
+    for (number, mesh) in levels.iter().enumerate() {
+        if number > 0 {
+            measured.next_level();
+        }
+        mesh.pieces(PIECE_VERTICES, |vertices: VertexSlices<'_>, triangles| {
+            steps.done(triangles.len())?;
+            anyhow::Ok(measured.measure(vertices, triangles)?)
+        })?;
+    }
     let mut glb = measured.begin(container)?;
-    mesh.pieces(PIECE_VERTICES, |vertices, triangles| {
-        steps.done(triangles.len())?;
-        anyhow::Ok(glb.write(vertices, triangles)?)
-    })?;
+    for mesh in levels {
+        mesh.pieces(PIECE_VERTICES, |vertices, triangles| {
+            steps.done(triangles.len())?;
+            anyhow::Ok(glb.write(vertices, triangles)?)
+        })?;
+    }
     Ok(glb.finish()?)
 }

@@ -4,10 +4,11 @@ use super::{MeshFormat, Ready, facts};
 use crate::companions::{Companions, Written, container};
 use crate::progress::Meter;
 use crate::stop;
-use crate::whole::{Order, Whole};
 use anyhow::{Result, bail};
 use chpm_build::Cancel;
-use chpm_export::{Atlases, PartImage, textured_mtl, write_textured, write_textured_obj, write_textured_ply};
+use chpm_export::{
+    Atlases, PartImage, TexturedPart, textured_mtl, write_textured, write_textured_obj, write_textured_ply,
+};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_refine::Cut;
@@ -17,58 +18,74 @@ pub(crate) fn memory(file: &Chpm<MappedFile>, side: u32, triangles: u64) -> u64 
     Atlases::memory(file, side, triangles)
 }
 
+/// Bytes that parts take while others are made.
+fn held(parts: &[TexturedPart]) -> u64 {
+    let of = |part: &TexturedPart| {
+        let image = match &part.image {
+            PartImage::Inside(bytes) => bytes.len(),
+            PartImage::Beside(_) => 0,
+        };
+        size_of_val(&*part.positions)
+            + size_of_val(&*part.normals)
+            + size_of_val(&*part.places)
+            + size_of_val(&*part.triangles)
+            + image
+    };
+    parts.iter().map(|part| of(part) as u64).sum()
+}
+
 impl Ready<'_, '_> {
-    /// Writes the mesh with images of at most `side` texels a side.
+    /// Writes the mesh of a cut, or levels of one each, with images of at most `side` texels a side. `room` refuses what takes too many bytes besides. The file
+    /// has no name yet.
     pub(crate) fn write_textured(
         self,
         file: &Chpm<MappedFile>,
-        cut: &Cut,
+        cuts: &[&Cut],
         side: u32,
+        room: &dyn Fn(u64) -> Result<()>,
         meter: &Meter,
         cancel: &Cancel,
-    ) -> Result<()> {
-        let offset = self.offset();
-        let Ready { target, mesh, frame, turn, bounds, .. } = self;
+    ) -> Result<Written> {
+        let (offset, bounds) = (self.offset(), self.finest().bounds);
+        let Ready { target, levels, frame, turn, .. } = self;
         let (path, format) = (&target.args.output, target.format);
-        let whole = Whole::new(mesh, frame, Order::File, cancel)?;
-        let mut facts = facts(file, &whole, target.by, bounds, offset, turn);
+        let mut facts = facts(file, (&levels, frame.origin()), target.by, offset, turn);
         facts.scalars.clear();
-        let atlases = Atlases::new(file, cut, side, !target.args.no_normals);
-        meter.start("write", atlases.len() as u64);
-        let parts = atlases.parts(file, || stop::check(cancel), || meter.add(1))?;
-
         let mut beside = Companions::new(path, target.args.force, format == MeshFormat::Gltf);
+        let (mut all, mut images) = (Vec::new(), Vec::new());
+        let mut before = 0;
+        for (cut, level) in cuts.iter().zip(&levels) {
+            room(before + memory(file, side, level.mesh.triangle_count()))?;
+            let atlases = Atlases::new(file, cut, side, !target.args.no_normals);
+            meter.start("write", atlases.len() as u64);
+            let mut parts = atlases.parts(file, || stop::check(cancel), || meter.add(1))?;
+            meter.finish();
+            if format != MeshFormat::Glb {
+                beside.add_images(&mut parts, &mut images)?;
+            }
+            before += held(&parts);
+            all.push(parts);
+        }
         let comment = format!("chpm {}, error {:e}", target.by, bounds.error);
-        let origin = facts.placement.origin;
+        let (origin, parts) = (facts.placement.origin, &all[0]);
         let mut written = match format {
             MeshFormat::Glb | MeshFormat::Gltf => {
-                let mut parts = parts;
-                if format == MeshFormat::Gltf {
-                    let images = beside.add_images(&parts)?;
-                    parts
-                        .iter_mut()
-                        .zip(images)
-                        .for_each(|(part, name)| part.image = PartImage::Beside(name));
-                }
+                let has_mesh = levels.iter().any(|level| level.mesh.triangle_count() > 0);
                 let container = container(target.output, target.buffer);
-                let container = write_textured(container, &facts, &parts, target.args.meshopt)?;
-                Written::gltf(container, mesh.triangle_count() > 0)
+                let container = write_textured(container, &facts, &all, target.args.meshopt)?;
+                Written::gltf(container, has_mesh)
             }
             MeshFormat::Obj => {
-                let images = beside.add_images(&parts)?;
                 let mtl = beside.add(".mtl", textured_mtl(&images).as_bytes())?;
-                Written::alone(write_textured_obj(target.output, &parts, origin, &comment, &mtl)?)
+                Written::alone(write_textured_obj(target.output, parts, origin, &comment, &mtl)?)
             }
             MeshFormat::Ply => {
-                let images = beside.add_images(&parts)?;
-                Written::alone(write_textured_ply(target.output, &parts, origin, &comment, &images)?)
+                Written::alone(write_textured_ply(target.output, parts, origin, &comment, &images)?)
             }
             MeshFormat::Stl => bail!("an STL has no room for images: choose .glb, .gltf, .obj or .ply"),
         };
         written.beside.extend(beside.into_files());
         file.get_ref().check_unchanged()?;
-        written.publish()?;
-        meter.finish();
-        Ok(())
+        Ok(written)
     }
 }

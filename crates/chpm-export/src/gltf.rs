@@ -1,5 +1,6 @@
 //! The JSON of a glTF.
 
+use crate::scene::{Level, document as scene, use_extension};
 use crate::turn::Turn;
 use crate::vertex::Stride;
 use chpm_mesh::{Attributes, Scalar, scalar_names};
@@ -44,8 +45,8 @@ pub struct Facts {
     pub generator: String,
     /// Where the mesh stands.
     pub placement: Placement,
-    /// Further numbers and words about the mesh, by name.
-    pub extras: Map<String, Value>,
+    /// The mesh; or several, as levels of detail, the finest first.
+    pub levels: Vec<Level>,
     /// Named scalars of the vertices, each an attribute `_NAME`.
     pub scalars: Vec<Scalar>,
 }
@@ -84,34 +85,26 @@ pub(crate) fn padded(len: u64) -> u64 {
     len.next_multiple_of(4)
 }
 
-/// The JSON of parts, and how many bytes of them follow it.
-pub(crate) fn document(facts: &Facts, attributes: Attributes, parts: &[Part]) -> (Value, u64) {
+/// The JSON of the parts of each level, and how many bytes of them follow it.
+pub(crate) fn document(facts: &Facts, attributes: Attributes, parts: &[Vec<Part>]) -> (Value, u64) {
     let stride = Stride::of(attributes, facts.scalars.len());
-    let body: u64 = parts.iter().flat_map(|part| part.stored(stride)).map(padded).sum();
+    let body: u64 = parts.iter().flatten().flat_map(|part| part.stored(stride)).map(padded).sum();
     (root(facts, stride, parts, body), body)
 }
 
-fn root(facts: &Facts, stride: Stride, parts: &[Part], body: u64) -> Value {
-    let mut node = facts.placement.node();
-    let asset = json!({ "version": "2.0", "generator": facts.generator });
-    let mut root = json!({ "asset": asset, "scene": 0, "scenes": [{ "nodes": [0] }] });
-    if parts.is_empty() {
-        // glTF has no empty meshes.
-        node["extras"] = facts.extras.clone().into();
-        root["nodes"] = json!([node]);
-        return root;
-    }
-    node["mesh"] = 0.into();
-    root["nodes"] = json!([node]);
-    root["materials"] = json!([{ "doubleSided": true, "pbrMetallicRoughness": { "metallicFactor": 0 } }]);
+fn root(facts: &Facts, stride: Stride, parts: &[Vec<Part>], body: u64) -> Value {
     let names = scalar_names(&facts.scalars, &[], attribute_name);
     let mut tables = Tables { stride, names, ..Tables::default() };
-    let primitives: Vec<Value> = parts.iter().map(|part| tables.primitive(part)).collect();
-    root["meshes"] = json!([{ "primitives": primitives, "extras": facts.extras }]);
+    let primitives = parts.iter().map(|parts| parts.iter().map(|part| tables.primitive(part)).collect());
+    let mut root = scene(facts, primitives.collect());
+    if tables.accessors.is_empty() {
+        return root;
+    }
+    root["materials"] = json!([{ "doubleSided": true, "pbrMetallicRoughness": { "metallicFactor": 0 } }]);
     root["accessors"] = tables.accessors.into();
     root["bufferViews"] = tables.views.into();
     root["buffers"] = json!([{ "byteLength": body }]);
-    if parts.iter().any(|part| part.packed.is_some()) {
+    if parts.iter().flatten().any(|part| part.packed.is_some()) {
         unpacked_nowhere(&mut root, tables.plain);
     }
     root
@@ -123,8 +116,7 @@ pub(crate) fn unpacked_nowhere(root: &mut Value, bytes: u64) {
     if let Some(buffers) = root["buffers"].as_array_mut() {
         buffers.push(buffer);
     }
-    root["extensionsUsed"] = json!([MESHOPT]);
-    root["extensionsRequired"] = json!([MESHOPT]);
+    use_extension(root, MESHOPT, true);
 }
 
 /// The name of an attribute of its own: an underscore and capitals.

@@ -19,7 +19,7 @@ const CODEC: i32 = 0;
 pub struct PackedGlb {
     facts: Facts,
     attributes: Attributes,
-    parts: Vec<Part>,
+    parts: Vec<Vec<Part>>,
 }
 
 /// Writes the pieces that were measured.
@@ -33,7 +33,7 @@ impl PackedGlb {
     /// No piece yet. Named scalars are left out: the codec packs vertices of few lengths.
     pub fn new(mut facts: Facts, attributes: Attributes) -> Self {
         facts.scalars.clear();
-        PackedGlb { facts, attributes, parts: Vec::new() }
+        PackedGlb { facts, attributes, parts: vec![Vec::new()] }
     }
 
     /// Takes the next piece into account.
@@ -42,23 +42,30 @@ impl PackedGlb {
     /// [`ExportError::Compression`].
     pub fn measure(&mut self, vertices: VertexSlices<'_>, triangles: &[[u32; 3]]) -> Result<(), ExportError> {
         let packed = compressed(self.attributes, vertices, triangles)?.map(|bytes| bytes.len() as u64);
-        self.parts.push(part(vertices, triangles, packed));
+        let level = self.parts.len() - 1;
+        self.parts[level].push(part(vertices, triangles, packed));
         Ok(())
+    }
+
+    /// Goes on to the next level.
+    pub fn next_level(&mut self) {
+        self.parts.push(Vec::new());
     }
 
     /// Writes all that is in front of the pieces.
     ///
     /// # Errors
-    /// [`ExportError::TooLarge`] beyond the 4 GiB that a GLB may have; [`ExportError::Write`].
+    /// [`ExportError::Count`] for other levels than the facts are of; [`ExportError::TooLarge`] beyond the 4 GiB that a GLB may have; [`ExportError::Write`].
     pub fn begin<W: Write>(self, mut container: Container<W>) -> Result<PackedGlbWriter<W>, ExportError> {
+        expect("levels", self.facts.levels.len() as u64, self.parts.len() as u64)?;
         let (root, body) = document(&self.facts, self.attributes, &self.parts);
         container.begin(root, body)?;
-        Ok(PackedGlbWriter { container, attributes: self.attributes, parts: self.parts.into_iter() })
+        Ok(PackedGlbWriter { container, attributes: self.attributes, parts: self.parts.concat().into_iter() })
     }
 }
 
 impl<W: Write> PackedGlbWriter<W> {
-    /// Writes the next piece, the same as it was measured.
+    /// Writes the next piece of all levels, the same as it was measured.
     ///
     /// # Errors
     /// [`ExportError::Count`] if it is another one; [`ExportError::Compression`]; [`ExportError::Write`].
@@ -93,7 +100,7 @@ pub(crate) fn whole(
     let packed = compressed(attributes, vertices, triangles)?;
     let part = part(vertices, triangles, packed.each_ref().map(|bytes| bytes.len() as u64));
     let mut container = Container::Glb(Vec::new());
-    let (root, body) = document(facts, attributes, &[part]);
+    let (root, body) = document(facts, attributes, &[vec![part]]);
     container.begin(root, body)?;
     for mut bytes in packed {
         bytes.resize(padded(bytes.len() as u64) as usize, 0);

@@ -4,6 +4,7 @@ use crate::container::{Container, uri};
 use crate::error::{ExportError, expect};
 use crate::gltf::{Facts, MESHOPT, Part, padded, unpacked_nowhere};
 use crate::packed_glb::{packed_indices, packed_vertices};
+use crate::scene::document;
 use bytemuck::Pod;
 use chpm_mesh::Aabb;
 use serde_json::{Value, json};
@@ -134,6 +135,33 @@ impl<'a> Tables<'a> {
         Ok(self.accessor(accessor))
     }
 
+    /// Positions, normals and places of a part.
+    fn attributes(&mut self, part: &'a TexturedPart) -> Result<Value, ExportError> {
+        let count = part.positions.len() as u64;
+        expect("places in images", count, part.places.len() as u64)?;
+        let position = self.vertices(&part.positions, "VEC3")?;
+        let bounds = Aabb::of_points(&part.positions);
+        (self.accessors[position]["min"], self.accessors[position]["max"]) =
+            (json!(bounds.min.map(f64::from)), json!(bounds.max.map(f64::from)));
+        let mut attributes = json!({ "POSITION": position });
+        if !part.normals.is_empty() {
+            expect("normals", count, part.normals.len() as u64)?;
+            attributes["NORMAL"] = self.vertices(&part.normals, "VEC3")?.into();
+        }
+        attributes["TEXCOORD_0"] = self.vertices(&part.places, "VEC2")?.into();
+        Ok(attributes)
+    }
+
+    fn image(&mut self, part: &'a TexturedPart) -> Value {
+        match &part.image {
+            PartImage::Inside(bytes) => {
+                let kind = if part.is_png { "image/png" } else { "image/jpeg" };
+                json!({ "bufferView": self.view(bytes.as_slice(), None), "mimeType": kind })
+            }
+            PartImage::Beside(name) => json!({ "uri": uri(name) }),
+        }
+    }
+
     fn corners(&mut self, part: &'a TexturedPart) -> Result<usize, ExportError> {
         let corners = part.triangles.as_flattened();
         let is_short = index_len(part) == 2;
@@ -155,63 +183,37 @@ impl<'a> Tables<'a> {
     }
 }
 
-/// Writes a glTF of parts; `is_packed` with `EXT_meshopt_compression`.
+/// Writes a glTF of the parts of each level; `is_packed` with `EXT_meshopt_compression`.
 ///
 /// # Errors
-/// [`ExportError::Count`] for parts of other lengths; [`ExportError::TooLarge`] beyond the 4 GiB that a GLB may have; [`ExportError::Compression`];
+/// [`ExportError::Count`] for parts of other lengths, and for other levels than the facts are of; [`ExportError::TooLarge`] beyond the 4 GiB that a GLB may have; [`ExportError::Compression`];
 /// [`ExportError::Write`].
 pub fn write_textured<W: Write>(
     mut container: Container<W>,
     facts: &Facts,
-    parts: &[TexturedPart],
+    levels: &[Vec<TexturedPart>],
     is_packed: bool,
 ) -> Result<Container<W>, ExportError> {
-    let (mut tables, mut primitives) = (Tables { is_packed, ..Tables::default() }, Vec::new());
+    expect("levels", facts.levels.len() as u64, levels.len() as u64)?;
+    let mut tables = Tables { is_packed, ..Tables::default() };
     let (mut images, mut materials) = (Vec::new(), Vec::new());
-    let shown = || parts.iter().filter(|part| !part.triangles.is_empty());
-    for (number, part) in shown().enumerate() {
-        let count = part.positions.len() as u64;
-        expect("places in images", count, part.places.len() as u64)?;
-        let position = tables.vertices(&part.positions, "VEC3")?;
-        let bounds = Aabb::of_points(&part.positions);
-        (tables.accessors[position]["min"], tables.accessors[position]["max"]) =
-            (json!(bounds.min.map(f64::from)), json!(bounds.max.map(f64::from)));
-        let mut attributes = json!({ "POSITION": position });
-        if !part.normals.is_empty() {
-            expect("normals", count, part.normals.len() as u64)?;
-            attributes["NORMAL"] = tables.vertices(&part.normals, "VEC3")?.into();
+    let mut primitives = Vec::new();
+    for parts in levels {
+        let mut level = Vec::new();
+        for part in parts.iter().filter(|part| !part.triangles.is_empty()) {
+            let (attributes, indices) = (tables.attributes(part)?, tables.corners(part)?);
+            let number = materials.len();
+            level.push(json!({ "attributes": attributes, "indices": indices, "material": number }));
+            images.push(tables.image(part));
+            materials.push(material(part, number));
         }
-        attributes["TEXCOORD_0"] = tables.vertices(&part.places, "VEC2")?.into();
-        let indices = tables.corners(part)?;
-        primitives.push(json!({ "attributes": attributes, "indices": indices, "material": number }));
-
-        images.push(match &part.image {
-            PartImage::Inside(bytes) => {
-                let kind = if part.is_png { "image/png" } else { "image/jpeg" };
-                json!({ "bufferView": tables.view(bytes.as_slice(), None), "mimeType": kind })
-            }
-            PartImage::Beside(name) => json!({ "uri": uri(name) }),
-        });
-        let mut material = json!({
-            "doubleSided": true,
-            "pbrMetallicRoughness": { "metallicFactor": 0, "baseColorTexture": { "index": number } },
-        });
-        if part.is_png {
-            material["alphaMode"] = if part.is_blended { "BLEND" } else { "MASK" }.into();
-        }
-        materials.push(material);
+        primitives.push(level);
     }
 
-    let mut node = facts.placement.node();
-    let asset = json!({ "version": "2.0", "generator": facts.generator });
-    let mut root = json!({ "asset": asset, "scene": 0, "scenes": [{ "nodes": [0] }] });
-    if primitives.is_empty() {
-        node["extras"] = facts.extras.clone().into();
-    } else {
-        node["mesh"] = 0.into();
+    let mut root = document(facts, primitives);
+    if !materials.is_empty() {
         let textures: Vec<Value> =
-            (0..primitives.len()).map(|at| json!({ "source": at, "sampler": 0 })).collect();
-        root["meshes"] = json!([{ "primitives": primitives, "extras": facts.extras }]);
+            (0..materials.len()).map(|at| json!({ "source": at, "sampler": 0 })).collect();
         root["textures"] = textures.into();
         // Linear, with mip-maps; nothing repeats.
         root["samplers"] = json!([{ "magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071 }]);
@@ -224,7 +226,6 @@ pub fn write_textured<W: Write>(
             unpacked_nowhere(&mut root, tables.plain);
         }
     }
-    root["nodes"] = json!([node]);
     container.begin(root, tables.stored)?;
     for block in tables.blocks {
         let zeros = padded(block.len() as u64) as usize - block.len();
@@ -232,6 +233,18 @@ pub fn write_textured<W: Write>(
         container.write(&[0; 4][..zeros])?;
     }
     container.finish()
+}
+
+/// The material of a part, which shows the texture of this number.
+fn material(part: &TexturedPart, number: usize) -> Value {
+    let mut material = json!({
+        "doubleSided": true,
+        "pbrMetallicRoughness": { "metallicFactor": 0, "baseColorTexture": { "index": number } },
+    });
+    if part.is_png {
+        material["alphaMode"] = if part.is_blended { "BLEND" } else { "MASK" }.into();
+    }
+    material
 }
 
 fn index_len(part: &TexturedPart) -> u64 {
@@ -242,14 +255,14 @@ fn index_len(part: &TexturedPart) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Placement;
+    use crate::{Level, Placement};
 
     #[test]
     fn views_are_where_their_bytes_are() {
         let facts = Facts {
             generator: "test".to_owned(),
             placement: Placement::HERE,
-            extras: serde_json::Map::new(),
+            levels: vec![Level::default()],
             scalars: Vec::new(),
         };
         let part = |x: f32, image: &[u8]| TexturedPart {
@@ -262,7 +275,8 @@ mod tests {
             is_blended: x > 0.0,
         };
         let parts = [part(0.0, b"first"), part(7.0, b"second!")];
-        let bytes = write_textured(Container::Glb(Vec::new()), &facts, &parts, false).unwrap().into_main();
+        let bytes =
+            write_textured(Container::Glb(Vec::new()), &facts, &[parts.to_vec()], false).unwrap().into_main();
         let len = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
         let json: Value = serde_json::from_slice(&bytes[20..20 + len]).unwrap();
         assert_eq!(u32::from_le_bytes(bytes[8..12].try_into().unwrap()) as usize, bytes.len());
@@ -283,7 +297,8 @@ mod tests {
         }
 
         // Packed, views unpack to the same.
-        let bytes = write_textured(Container::Glb(Vec::new()), &facts, &parts, true).unwrap().into_main();
+        let bytes =
+            write_textured(Container::Glb(Vec::new()), &facts, &[parts.to_vec()], true).unwrap().into_main();
         let len = len_of(&bytes);
         let json: Value = serde_json::from_slice(&bytes[20..20 + len]).unwrap();
         assert_eq!(json["buffers"][1]["extensions"][MESHOPT]["fallback"], true);
@@ -307,7 +322,7 @@ mod tests {
         let mut wrong = part(0.0, b"");
         wrong.places.pop();
         assert!(matches!(
-            write_textured(Container::Glb(Vec::new()), &facts, &[wrong], false),
+            write_textured(Container::Glb(Vec::new()), &facts, &[vec![wrong]], false),
             Err(ExportError::Count { .. })
         ));
     }

@@ -3,9 +3,10 @@
 use super::{Options, SharedNormals, tile_path};
 use crate::container::Container;
 use crate::error::ExportError;
-use crate::glb::GlbWriter;
+use crate::glb::{Extent, GlbWriter};
 use crate::gltf::Facts;
 use crate::packed_glb;
+use crate::scene::Level;
 use crate::textured::{Charted, PartImage, TexturedPart, write_textured};
 use chpm_format::{Chpm, ErrorKind, ImageCodec, Page, Sheet};
 use chpm_mesh::{Aabb, Attributes, ClusterId, Places, TriMesh, pm};
@@ -77,7 +78,7 @@ pub fn tile<D: AsRef<[u8]>>(
     let facts = Facts {
         generator: options.generator.clone(),
         placement: options.placement(),
-        extras: facts(file, cluster, error),
+        levels: vec![Level { extras: facts(file, cluster, error), coverage: 0.0 }],
         scalars: Vec::new(),
     };
     if let Some(sheet) = file.sheet(cluster)? {
@@ -89,7 +90,8 @@ pub fn tile<D: AsRef<[u8]>>(
             _ => PartImage::Beside(last(&image_path(cluster, &sheet)).to_owned()),
         };
         let part = textured(&mesh, shown.map(|(_, chart)| *chart), &sheet, image);
-        let glb = write_textured(Container::Glb(Vec::new()), &facts, &[part], options.packed)?.into_main();
+        let glb =
+            write_textured(Container::Glb(Vec::new()), &facts, &[vec![part]], options.packed)?.into_main();
         return Ok((glb, mesh.triangles.len() as u64));
     }
     let stored = file.header().attributes().decoded();
@@ -111,8 +113,8 @@ pub(super) fn content(
 
     let bounds = Aabb::of_points(&mesh.positions);
     let (vertices, triangles) = (mesh.positions.len() as u64, mesh.triangles.len() as u64);
-    let mut glb =
-        GlbWriter::new(Container::Glb(Vec::new()), facts, attributes, vertices, triangles, &bounds)?;
+    let extent = Extent { vertices, triangles, bounds };
+    let mut glb = GlbWriter::new(Container::Glb(Vec::new()), facts, attributes, &[extent])?;
     glb.vertices(mesh.view())?;
     glb.triangles(&mesh.triangles)?;
     Ok(glb.finish()?.into_main())
