@@ -16,7 +16,7 @@ use crate::upright::Upright;
 use crate::whole::{Order, Whole};
 use anyhow::{Context, Result, bail, ensure};
 use chpm_build::Cancel;
-use chpm_export::{PIECE_VERTICES, Turn, coverage};
+use chpm_export::{Grid, PIECE_VERTICES, Turn, coverage};
 use chpm_extmem::{AtomicFile, MappedFile};
 use chpm_format::Chpm;
 use chpm_mesh::{Counted, Scalar, geom};
@@ -46,6 +46,10 @@ pub(crate) struct MeshArgs {
     /// Compress a glTF: EXT_meshopt_compression, which three.js, Babylon.js and CesiumJS read. Named scalars are left out
     #[arg(long)]
     meshopt: bool,
+    /// Round positions in a glTF to 16 bits an axis, normals and colours to 8 (KHR_mesh_quantization): vertices take a half to two thirds of the bytes. How far
+    /// positions move is part of the error
+    #[arg(long)]
+    quantize: bool,
     /// In which order vertices and triangles are
     #[arg(long, value_name = "ORDER", value_enum, default_value = "file")]
     order: Order,
@@ -86,6 +90,7 @@ pub(crate) struct Ready<'m, 'a> {
     /// The finest first; at least one.
     pub(crate) levels: Vec<ReadyMesh<'m>>,
     frame: Frame,
+    grid: Option<Grid>,
     /// By a node.
     turn: Turn,
     /// Which way is up, and why, where that was found out.
@@ -172,6 +177,7 @@ impl MeshArgs {
         let format = self.format(by)?;
         let name = format.name();
         ensure!(!self.meshopt || format.is_gltf(), "--meshopt is for GLB and glTF, and this is {name}");
+        ensure!(!self.quantize || format.is_gltf(), "--quantize is for GLB and glTF, and this is {name}");
         ensure!(!self.ascii || !format.is_gltf(), "--ascii is for PLY and STL: {name} is binary");
         let writes = Writes::mesh(by, name);
         let writes = if self.format.is_some() { writes.chosen() } else { writes };
@@ -222,10 +228,19 @@ impl MeshFile<'_> {
             true => frame.about_middle(file),
             false => frame.rounded(lost),
         };
-        match self.args.up {
+        let frame = match self.args.up {
             Some(up) => frame.turned(self.format.turn(up)),
             None => frame,
+        };
+        match self.grid(file, &frame) {
+            Some(grid) => frame.rounded(grid.rounding()),
+            None => frame,
         }
+    }
+
+    /// The lattice that written positions are rounded to, over all of the model, so that every mesh of it has the same.
+    fn grid(&self, file: &Chpm<MappedFile>, frame: &Frame) -> Option<Grid> {
+        self.args.quantize.then(|| Grid::over(&frame.bounds(&file.header().aabb())))
     }
 
     /// Whether named scalars are in a file of so many triangles.
@@ -287,8 +302,8 @@ impl<'m, 'a> Ready<'m, 'a> {
             error: nearest(mesh.error()),
             distance: nearest(mesh.distance()),
         };
-        let distances: Vec<f32> = meshes.iter().map(|mesh| of(mesh).distance).collect();
-        let shares = coverage(&distances, file.header().aabb().diagonal());
+        let errors: Vec<f32> = meshes.iter().map(|mesh| of(mesh).error).collect();
+        let shares = coverage(&errors, file.header().aabb().diagonal());
         let levels: Vec<_> = meshes
             .iter()
             .zip(shares)
@@ -303,7 +318,8 @@ impl<'m, 'a> Ready<'m, 'a> {
         let triangles = meshes.iter().map(|mesh| mesh.triangle_count()).sum();
         let left_out = if target.keeps_scalars(triangles) { None } else { without(file.scalars()) };
         let warnings = moved.into_iter().chain(left_out).collect();
-        Ok(Ready { target, levels, frame, turn, upright, warnings })
+        let grid = target.grid(file, &frame);
+        Ok(Ready { target, levels, frame, grid, turn, upright, warnings })
     }
 
     /// The mesh, or the finest level.
@@ -337,7 +353,7 @@ impl<'m, 'a> Ready<'m, 'a> {
     /// Streams the mesh. The file has no name yet.
     pub(crate) fn write(self, file: &Chpm<MappedFile>, meter: &Meter, cancel: &Cancel) -> Result<Written> {
         let (offset, Bounds { error, distance }) = (self.offset(), self.finest().bounds);
-        let Ready { target, levels, frame, turn, .. } = self;
+        let Ready { target, levels, frame, grid, turn, .. } = self;
         let (by, ascii) = (target.by, target.args.ascii);
         // In front, since a binary STL has room for 80 bytes.
         let place = offset.map_or(String::new(), |[x, y, z]| format!(", origin {x} {y} {z}"));
@@ -358,7 +374,8 @@ impl<'m, 'a> Ready<'m, 'a> {
             MeshFormat::Stl => Written::alone(streamed::stl(mesh, output, ascii, &comment, &steps)?),
             MeshFormat::Obj => Written::alone(streamed::obj(mesh, output, &comment, &steps)?),
             MeshFormat::Glb | MeshFormat::Gltf => {
-                let facts = facts(file, (&levels, mesh.origin()), by, offset, turn);
+                let mut facts = facts(file, (&levels, mesh.origin()), by, offset, turn);
+                facts.grid = grid;
                 let has_mesh = meshes.iter().any(|mesh| mesh.triangle_count() > 0);
                 let container = container(output, target.buffer);
                 let container = match target.args.meshopt && has_mesh {

@@ -153,7 +153,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         if let Some(asked) = bound.map(|bound| bound.of(diagonal)) {
             ensure!(
                 f64::from(bounds.distance) <= asked,
-                "nothing is within {} units: what single precision rounds is {}; ask for at least that",
+                "nothing is within {} units: what writing rounds is {}; ask for at least that",
                 Units(asked),
                 AtMost(bounds.distance.into())
             );

@@ -173,6 +173,7 @@ impl Colored<'_> {
             placement,
             levels: vec![Level { extras, coverage: 0.0 }],
             scalars: Vec::new(),
+            grid: None,
         };
         let mut bounds = Aabb::EMPTY;
         self.parts.vertices(self.file, |vertices, _| {

@@ -70,7 +70,7 @@ pub(crate) struct Lod {
     pub(crate) asked: u64,
     /// Clusters that the mesh is of
     pub(crate) clusters: usize,
-    /// The share of an image's height, taken by the sphere around the model, down to which it is to be drawn: below it, `distance` of the next level is a pixel of 1080 at most. 0 for the last
+    /// The share of an image's height, taken by the sphere around the model, down to which it is to be drawn: below it, `error` of the next level is a pixel of 1080 at most. 0 for the last
     pub(crate) coverage: f64,
     #[serde(flatten)]
     pub(crate) mesh: Mesh,

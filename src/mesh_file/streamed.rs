@@ -58,7 +58,13 @@ pub(super) fn facts(
     };
     let generator = format!("chpm {} {by}", env!("CARGO_PKG_VERSION"));
     let placement = Placement { origin: origin.unwrap_or_default(), turn };
-    Facts { generator, placement, levels: levels.iter().map(of).collect(), scalars: file.scalars().to_vec() }
+    Facts {
+        generator,
+        placement,
+        levels: levels.iter().map(of).collect(),
+        scalars: file.scalars().to_vec(),
+        grid: None,
+    }
 }
 
 /// In doubles if the model is far from the zero point: single precision would move vertices there.

@@ -47,10 +47,11 @@ impl Ready<'_, '_> {
         cancel: &Cancel,
     ) -> Result<Written> {
         let (offset, bounds) = (self.offset(), self.finest().bounds);
-        let Ready { target, levels, frame, turn, .. } = self;
+        let Ready { target, levels, frame, grid, turn, .. } = self;
         let (path, format) = (&target.args.output, target.format);
         let mut facts = facts(file, (&levels, frame.origin()), target.by, offset, turn);
         facts.scalars.clear();
+        facts.grid = grid;
         let mut beside = Companions::new(path, target.args.force, format == MeshFormat::Gltf);
         let (mut all, mut images) = (Vec::new(), Vec::new());
         let mut before = 0;

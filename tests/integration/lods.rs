@@ -78,7 +78,7 @@ fn one_gltf_has_all_levels_and_shows_the_finest() {
             assert_eq!(level["coverage"].as_f64(), Some(share));
             // Down to there the next level is more than a pixel of 1080 off, if the model's sphere covers that share of the height.
             let diagonal = 2.0 * 3.0_f64.sqrt();
-            let next = levels.get(number + 1).map(|next| next["distance"].as_f64().expect("a bound"));
+            let next = levels.get(number + 1).map(|next| next["error"].as_f64().expect("a bound"));
             let expected = next.map_or(0.0, |next| (diagonal / 1080.0 / next).min(1.0));
             assert!((share - expected).abs() <= 1e-3 * expected, "{name} {number}: {share} {expected}");
             before = (count, error, share);

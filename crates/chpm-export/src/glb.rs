@@ -54,7 +54,7 @@ impl<W: Write> GlbWriter<W> {
         let shown = |part: &Part| if part.triangles > 0 { vec![*part] } else { Vec::new() };
         let (root, body) = document(facts, attributes, &levels.iter().map(shown).collect::<Vec<_>>());
         container.begin(root, body)?;
-        let interleave = Interleave::new(attributes, &facts.scalars);
+        let interleave = Interleave::new(attributes, &facts.scalars, facts.grid);
         let (buffer, level, vertices, triangles) = (Vec::new(), 0, 0, 0);
         Ok(GlbWriter { container, buffer, interleave, levels, level, vertices, triangles })
     }
@@ -139,7 +139,7 @@ mod tests {
     fn facts(placement: Placement) -> Facts {
         let extras = Map::from_iter([("error".to_owned(), 0.5.into())]);
         let levels = vec![Level { extras, coverage: 0.0 }];
-        Facts { generator: "test".to_owned(), placement, levels, scalars: Vec::new() }
+        Facts { generator: "test".to_owned(), placement, levels, scalars: Vec::new(), grid: None }
     }
 
     fn extent(vertices: u64, triangles: u64, bounds: Aabb) -> Extent {

@@ -1,5 +1,6 @@
 //! The JSON of a glTF.
 
+use crate::grid::Grid;
 use crate::scene::{Level, document as scene, use_extension};
 use crate::turn::Turn;
 use crate::vertex::Stride;
@@ -23,15 +24,31 @@ impl Placement {
     pub const HERE: Placement = Placement { origin: [0.0; 3], turn: Turn::NONE };
 
     /// A node without a mesh.
-    pub(crate) fn node(&self) -> Value {
-        let is_moved = self.origin != [0.0; 3];
+    pub(crate) fn node(&self, grid: Option<&Grid>) -> Value {
+        let (low, step) = grid.map_or(([0.0; 3], 1.0), Grid::place);
+        let zero: [f64; 3] = std::array::from_fn(|axis| self.origin[axis] + low[axis]);
+        let (is_moved, is_scaled) = (zero != [0.0; 3], step != 1.0);
         if self.turn == Turn::NONE {
-            return if is_moved { json!({ "translation": self.origin }) } else { json!({}) };
+            let mut node = json!({});
+            if is_moved {
+                node["translation"] = json!(zero);
+            }
+            if is_scaled {
+                node["scale"] = vec![step; 3].into();
+            }
+            return node;
         }
-        let [x, y, z] = self.turn.columns();
+        let columns = self.turn.columns();
+        let [x, y, z] = columns;
         let mut matrix = json!([x[0], x[1], x[2], 0, y[0], y[1], y[2], 0, z[0], z[1], z[2], 0, 0, 0, 0, 1]);
+        if is_scaled {
+            for (at, number) in columns.as_flattened().iter().enumerate().filter(|(_, number)| **number != 0)
+            {
+                matrix[4 * (at / 3) + at % 3] = (f64::from(*number) * step).into();
+            }
+        }
         if is_moved {
-            let zero = self.turn.apply(self.origin);
+            let zero = self.turn.apply(zero);
             (0..3).for_each(|axis| matrix[12 + axis] = zero[axis].into());
         }
         json!({ "matrix": matrix })
@@ -49,6 +66,8 @@ pub struct Facts {
     pub levels: Vec<Level>,
     /// Named scalars of the vertices, each an attribute `_NAME`.
     pub scalars: Vec<Scalar>,
+    /// The lattice that positions are rounded to; normals and colours are bytes then.
+    pub grid: Option<Grid>,
 }
 
 /// A stretch of vertices and the triangles over them.
@@ -80,6 +99,14 @@ impl Part {
     }
 }
 
+/// Component type of positions, and the ends of their box as they are stored.
+pub(crate) fn position(grid: Option<&Grid>, ends: [[f32; 3]; 2]) -> (u32, [Value; 2]) {
+    match grid {
+        Some(grid) => (5123, ends.map(|end| json!(grid.nearest(end)))),
+        None => (5126, ends.map(|end| json!(end.map(f64::from)))),
+    }
+}
+
 /// The length up to which zeros go.
 pub(crate) fn padded(len: u64) -> u64 {
     len.next_multiple_of(4)
@@ -87,14 +114,14 @@ pub(crate) fn padded(len: u64) -> u64 {
 
 /// The JSON of the parts of each level, and how many bytes of them follow it.
 pub(crate) fn document(facts: &Facts, attributes: Attributes, parts: &[Vec<Part>]) -> (Value, u64) {
-    let stride = Stride::of(attributes, facts.scalars.len());
+    let stride = Stride::of(attributes, facts.scalars.len(), facts.grid.is_some());
     let body: u64 = parts.iter().flatten().flat_map(|part| part.stored(stride)).map(padded).sum();
     (root(facts, stride, parts, body), body)
 }
 
 fn root(facts: &Facts, stride: Stride, parts: &[Vec<Part>], body: u64) -> Value {
     let names = scalar_names(&facts.scalars, &[], attribute_name);
-    let mut tables = Tables { stride, names, ..Tables::default() };
+    let mut tables = Tables { stride, names, grid: facts.grid, ..Tables::default() };
     let primitives = parts.iter().map(|parts| parts.iter().map(|part| tables.primitive(part)).collect());
     let mut root = scene(facts, primitives.collect());
     if tables.accessors.is_empty() {
@@ -135,6 +162,7 @@ struct Tables {
     stride: Stride,
     /// Attributes of the scalars.
     names: Vec<String>,
+    grid: Option<Grid>,
 }
 
 impl Tables {
@@ -142,35 +170,36 @@ impl Tables {
         let (stride, [vertices, indices]) = (self.stride, part.plain(self.stride));
         let [packed_vertices, packed_indices] = part.packed.map_or([None; 2], |packed| packed.map(Some));
         let view = self.view(vertices, packed_vertices, stride.bytes as u64, part.vertices, true);
-        fn wide(numbers: [f32; 3]) -> [f64; 3] {
-            numbers.map(f64::from)
-        }
-
+        let count = part.vertices;
         let mut attributes = Map::new();
-        let position = json!({
-            "bufferView": view, "componentType": 5126, "type": "VEC3", "count": part.vertices,
-            "min": wide(part.low), "max": wide(part.high),
+        attributes.insert("POSITION".to_owned(), {
+            let (component, [low, high]) = position(self.grid.as_ref(), [part.low, part.high]);
+            self.accessor(json!({
+                "bufferView": view, "componentType": component, "type": "VEC3", "count": count, "min": low, "max": high,
+            }))
         });
-        attributes.insert("POSITION".to_owned(), self.accessor(position));
 
+        let is_small = self.grid.is_some();
         if let Some(offset) = stride.normal {
-            let normal = json!({
-                "bufferView": view, "byteOffset": offset, "componentType": 5126, "type": "VEC3", "count": part.vertices,
-            });
+            let mut normal = json!({ "bufferView": view, "byteOffset": offset, "componentType": 5126, "type": "VEC3", "count": count });
+            if is_small {
+                (normal["componentType"], normal["normalized"]) = (5120.into(), true.into());
+            }
             attributes.insert("NORMAL".to_owned(), self.accessor(normal));
         }
 
         if let Some(offset) = stride.color {
+            let component = if is_small { 5121 } else { 5123 };
             let color = json!({
-                "bufferView": view, "byteOffset": offset, "componentType": 5123, "normalized": true, "type": "VEC4",
-                "count": part.vertices,
+                "bufferView": view, "byteOffset": offset, "componentType": component, "normalized": true, "type": "VEC4",
+                "count": count,
             });
             attributes.insert("COLOR_0".to_owned(), self.accessor(color));
         }
         for (at, name) in self.names.clone().into_iter().enumerate() {
             let scalar = json!({
                 "bufferView": view, "byteOffset": stride.scalars + 4 * at, "componentType": 5126, "type": "SCALAR",
-                "count": part.vertices,
+                "count": count,
             });
             attributes.insert(name, self.accessor(scalar));
         }

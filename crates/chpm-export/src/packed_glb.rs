@@ -4,6 +4,7 @@
 use crate::container::Container;
 use crate::error::{ExportError, expect};
 use crate::gltf::{Facts, Part, document, padded};
+use crate::grid::Grid;
 use crate::vertex::{Interleave, Stride};
 use bytemuck::Pod;
 use chpm_mesh::{Aabb, Attributes, VertexSlices};
@@ -26,6 +27,7 @@ pub struct PackedGlb {
 pub struct PackedGlbWriter<W: Write> {
     container: Container<W>,
     attributes: Attributes,
+    grid: Option<Grid>,
     parts: std::vec::IntoIter<Part>,
 }
 
@@ -41,7 +43,8 @@ impl PackedGlb {
     /// # Errors
     /// [`ExportError::Compression`].
     pub fn measure(&mut self, vertices: VertexSlices<'_>, triangles: &[[u32; 3]]) -> Result<(), ExportError> {
-        let packed = compressed(self.attributes, vertices, triangles)?.map(|bytes| bytes.len() as u64);
+        let packed = compressed((self.attributes, self.facts.grid), vertices, triangles)?
+            .map(|bytes| bytes.len() as u64);
         let level = self.parts.len() - 1;
         self.parts[level].push(part(vertices, triangles, packed));
         Ok(())
@@ -60,7 +63,12 @@ impl PackedGlb {
         expect("levels", self.facts.levels.len() as u64, self.parts.len() as u64)?;
         let (root, body) = document(&self.facts, self.attributes, &self.parts);
         container.begin(root, body)?;
-        Ok(PackedGlbWriter { container, attributes: self.attributes, parts: self.parts.concat().into_iter() })
+        Ok(PackedGlbWriter {
+            container,
+            attributes: self.attributes,
+            grid: self.facts.grid,
+            parts: self.parts.concat().into_iter(),
+        })
     }
 }
 
@@ -71,7 +79,7 @@ impl<W: Write> PackedGlbWriter<W> {
     /// [`ExportError::Count`] if it is another one; [`ExportError::Compression`]; [`ExportError::Write`].
     pub fn write(&mut self, vertices: VertexSlices<'_>, triangles: &[[u32; 3]]) -> Result<(), ExportError> {
         let measured = self.parts.next().and_then(|part| part.packed).unwrap_or_default();
-        let packed = compressed(self.attributes, vertices, triangles)?;
+        let packed = compressed((self.attributes, self.grid), vertices, triangles)?;
         for (mut bytes, measured) in packed.into_iter().zip(measured) {
             expect("bytes of a piece", measured, bytes.len() as u64)?;
             bytes.resize(padded(measured) as usize, 0);
@@ -97,7 +105,7 @@ pub(crate) fn whole(
     vertices: VertexSlices<'_>,
     triangles: &[[u32; 3]],
 ) -> Result<Vec<u8>, ExportError> {
-    let packed = compressed(attributes, vertices, triangles)?;
+    let packed = compressed((attributes, facts.grid), vertices, triangles)?;
     let part = part(vertices, triangles, packed.each_ref().map(|bytes| bytes.len() as u64));
     let mut container = Container::Glb(Vec::new());
     let (root, body) = document(facts, attributes, &[vec![part]]);
@@ -117,14 +125,16 @@ fn part(vertices: VertexSlices<'_>, triangles: &[[u32; 3]], packed: [u64; 2]) ->
 
 /// Vertices and indices.
 fn compressed(
-    attributes: Attributes,
+    (attributes, grid): (Attributes, Option<Grid>),
     vertices: VertexSlices<'_>,
     triangles: &[[u32; 3]],
 ) -> Result<[Vec<u8>; 2], ExportError> {
     let mut plain = Vec::new();
-    Interleave::new(attributes, &[]).append(vertices, &mut plain);
-    let packed = match Stride::of(attributes, 0).bytes {
+    Interleave::new(attributes, &[], grid).append(vertices, &mut plain);
+    let packed = match Stride::of(attributes, 0, grid.is_some()).bytes {
+        8 => packed_vertices(bytemuck::cast_slice::<u8, [u8; 8]>(&plain)),
         12 => packed_vertices(bytemuck::cast_slice::<u8, [u8; 12]>(&plain)),
+        16 => packed_vertices(bytemuck::cast_slice::<u8, [u8; 16]>(&plain)),
         20 => packed_vertices(bytemuck::cast_slice::<u8, [u8; 20]>(&plain)),
         24 => packed_vertices(bytemuck::cast_slice::<u8, [u8; 24]>(&plain)),
         _ => packed_vertices(bytemuck::cast_slice::<u8, [u8; 32]>(&plain)),

@@ -5,6 +5,8 @@ use serde_json::{Map, Value, json};
 
 /// Name of the extension `MSFT_lod`.
 const LEVELS: &str = "MSFT_lod";
+/// Name of the extension `KHR_mesh_quantization`.
+const QUANTIZED: &str = "KHR_mesh_quantization";
 /// Lines of the image in which a level's error is a pixel where it begins.
 const LINES: f64 = 1080.0;
 
@@ -17,17 +19,17 @@ pub struct Level {
     pub coverage: f64,
 }
 
-/// The shares of an image's height down to which levels are to be drawn, by how far each is from the source and the diagonal of the model. The next
-/// level is drawn where that distance is a pixel of an image of 1080 lines at most; the last one always.
-pub fn coverage(distances: &[f32], diagonal: f64) -> Vec<f64> {
-    let mut shares: Vec<f64> = Vec::with_capacity(distances.len());
-    for next in distances.iter().skip(1) {
+/// The shares of an image's height down to which levels are to be drawn, by their errors and the diagonal of the model. The next
+/// level is drawn where its error is a pixel of an image of 1080 lines at most; the last one always.
+pub fn coverage(errors: &[f32], diagonal: f64) -> Vec<f64> {
+    let mut shares: Vec<f64> = Vec::with_capacity(errors.len());
+    for next in errors.iter().skip(1) {
         let share = diagonal / (LINES * f64::from(*next));
         // Nothing is larger than an image, nor is a finer level drawn where a coarser one is.
         let most = shares.last().copied().unwrap_or(1.0);
         shares.push(if share < most { share } else { most });
     }
-    shares.resize(distances.len(), 0.0);
+    shares.resize(errors.len(), 0.0);
     shares
 }
 
@@ -36,7 +38,7 @@ pub(crate) fn document(facts: &Facts, primitives: Vec<Vec<Value>>) -> Value {
     let (mut nodes, mut meshes) = (Vec::new(), Vec::new());
     let is_alone = facts.levels.len() == 1;
     for (number, (level, primitives)) in facts.levels.iter().zip(primitives).enumerate() {
-        let mut node = facts.placement.node();
+        let mut node = facts.placement.node(facts.grid.as_ref());
         if !is_alone {
             node["name"] = format!("LOD{number}").into();
         }
@@ -61,6 +63,9 @@ pub(crate) fn document(facts: &Facts, primitives: Vec<Vec<Value>>) -> Value {
     }
     root["nodes"] = nodes.into();
     if !meshes.is_empty() {
+        if facts.grid.is_some() {
+            use_extension(&mut root, QUANTIZED, true);
+        }
         root["meshes"] = meshes.into();
     }
     root
@@ -104,6 +109,7 @@ mod tests {
             placement: Placement { origin: [1.0, 2.0, 3.0], ..Placement::HERE },
             levels: vec![level(0.5, 0.25), level(1.5, 0.125), level(2.5, 0.0)],
             scalars: Vec::new(),
+            grid: None,
         };
         let root = document(&facts, vec![vec![json!({})], vec![], vec![json!({})]]);
         assert_eq!(

@@ -2,9 +2,11 @@
 
 use crate::container::{Container, uri};
 use crate::error::{ExportError, expect};
-use crate::gltf::{Facts, MESHOPT, Part, padded, unpacked_nowhere};
+use crate::gltf::{Facts, MESHOPT, Part, padded, position, unpacked_nowhere};
+use crate::grid::Grid;
 use crate::packed_glb::{packed_indices, packed_vertices};
 use crate::scene::document;
+use crate::vertex::{small_direction, small_position, unit};
 use bytemuck::Pod;
 use chpm_mesh::Aabb;
 use serde_json::{Value, json};
@@ -86,6 +88,7 @@ struct Tables<'a> {
     stored: u64,
     plain: u64,
     is_packed: bool,
+    grid: Option<Grid>,
 }
 
 impl<'a> Tables<'a> {
@@ -125,30 +128,64 @@ impl<'a> Tables<'a> {
         self.accessors.len() - 1
     }
 
-    fn vertices<T: Pod>(&mut self, items: &'a [T], kind: &str) -> Result<usize, ExportError> {
+    /// Rows of numbers of a kind; small ones have bytes that are no numbers.
+    fn vertices<T: Pod>(&mut self, items: Cow<'a, [T]>, kind: &str) -> Result<usize, ExportError> {
+        let count = items.len();
         let view = match self.is_packed {
-            true => self.packed(packed_vertices(items)?, [items.len(), size_of::<T>()], "ATTRIBUTES"),
-            false => self.view(bytemuck::cast_slice::<T, u8>(items), Some(ARRAY)),
+            true => self.packed(packed_vertices(&items)?, [count, size_of::<T>()], "ATTRIBUTES"),
+            false => {
+                let bytes: Cow<'a, [u8]> = match items {
+                    Cow::Borrowed(items) => bytemuck::cast_slice::<T, u8>(items).into(),
+                    Cow::Owned(items) => bytemuck::cast_slice::<T, u8>(&items).to_vec().into(),
+                };
+                self.view(bytes, Some(ARRAY))
+            }
         };
-        let accessor =
-            json!({ "bufferView": view, "componentType": 5126, "type": kind, "count": items.len() });
+        let accessor = json!({ "bufferView": view, "componentType": 5126, "type": kind, "count": count });
         Ok(self.accessor(accessor))
+    }
+
+    /// Tells that rows are small: of a component type, so many bytes from one to the next.
+    fn tell_small(&mut self, accessor: usize, component: u32, step: usize) {
+        self.accessors[accessor]["componentType"] = component.into();
+        if let Some(view) = self.accessors[accessor]["bufferView"].as_u64() {
+            self.views[view as usize]["byteStride"] = step.into();
+        }
     }
 
     /// Positions, normals and places of a part.
     fn attributes(&mut self, part: &'a TexturedPart) -> Result<Value, ExportError> {
         let count = part.positions.len() as u64;
         expect("places in images", count, part.places.len() as u64)?;
-        let position = self.vertices(&part.positions, "VEC3")?;
+        let grid = self.grid;
+        let at = match &grid {
+            Some(grid) => {
+                let small = part.positions.iter().map(|at| small_position(grid, *at)).collect::<Vec<_>>();
+                let at = self.vertices(small.into(), "VEC3")?;
+                self.tell_small(at, 5123, 8);
+                at
+            }
+            None => self.vertices(part.positions.as_slice().into(), "VEC3")?,
+        };
         let bounds = Aabb::of_points(&part.positions);
-        (self.accessors[position]["min"], self.accessors[position]["max"]) =
-            (json!(bounds.min.map(f64::from)), json!(bounds.max.map(f64::from)));
-        let mut attributes = json!({ "POSITION": position });
+        let (_, [low, high]) = position(grid.as_ref(), [bounds.min, bounds.max]);
+        (self.accessors[at]["min"], self.accessors[at]["max"]) = (low, high);
+        let mut attributes = json!({ "POSITION": at });
         if !part.normals.is_empty() {
             expect("normals", count, part.normals.len() as u64)?;
-            attributes["NORMAL"] = self.vertices(&part.normals, "VEC3")?.into();
+            let at = if grid.is_some() {
+                let small =
+                    part.normals.iter().map(|normal| small_direction(unit(*normal))).collect::<Vec<_>>();
+                let at = self.vertices(small.into(), "VEC3")?;
+                self.tell_small(at, 5120, 4);
+                self.accessors[at]["normalized"] = true.into();
+                at
+            } else {
+                self.vertices(part.normals.as_slice().into(), "VEC3")?
+            };
+            attributes["NORMAL"] = at.into();
         }
-        attributes["TEXCOORD_0"] = self.vertices(&part.places, "VEC2")?.into();
+        attributes["TEXCOORD_0"] = self.vertices(part.places.as_slice().into(), "VEC2")?.into();
         Ok(attributes)
     }
 
@@ -195,7 +232,7 @@ pub fn write_textured<W: Write>(
     is_packed: bool,
 ) -> Result<Container<W>, ExportError> {
     expect("levels", facts.levels.len() as u64, levels.len() as u64)?;
-    let mut tables = Tables { is_packed, ..Tables::default() };
+    let mut tables = Tables { is_packed, grid: facts.grid, ..Tables::default() };
     let (mut images, mut materials) = (Vec::new(), Vec::new());
     let mut primitives = Vec::new();
     for parts in levels {
@@ -264,6 +301,7 @@ mod tests {
             placement: Placement::HERE,
             levels: vec![Level::default()],
             scalars: Vec::new(),
+            grid: None,
         };
         let part = |x: f32, image: &[u8]| TexturedPart {
             positions: vec![[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x, 1.0, -2.0]],

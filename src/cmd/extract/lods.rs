@@ -133,8 +133,8 @@ impl Told {
         readies: &[Ready<'_, '_>],
     ) -> Self {
         let all = || readies.iter().flat_map(|ready| ready.levels.iter().map(move |level| (ready, *level)));
-        let distances: Vec<f32> = all().map(|(_, level)| level.bounds.distance).collect();
-        let shares = coverage(&distances, file.header().aabb().diagonal());
+        let errors: Vec<f32> = all().map(|(_, level)| level.bounds.error).collect();
+        let shares = coverage(&errors, file.header().aabb().diagonal());
         let (mut lines, mut levels, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
         let mut less = Vec::new();
         for (number, (ready, level)) in all().enumerate() {

@@ -80,6 +80,7 @@ pub fn tile<D: AsRef<[u8]>>(
         placement: options.placement(),
         levels: vec![Level { extras: facts(file, cluster, error), coverage: 0.0 }],
         scalars: Vec::new(),
+        grid: None,
     };
     if let Some(sheet) = file.sheet(cluster)? {
         let charts = page.triangles.iter().zip(&sheet.layout.chart_of);

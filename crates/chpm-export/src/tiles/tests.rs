@@ -380,6 +380,7 @@ fn a_tile_of_nothing_is_never_packed() {
         placement,
         levels: vec![Level::default()],
         scalars: Vec::new(),
+        grid: None,
     };
     let of = |packed| content(&facts, Attributes::default(), &TriMesh::default(), packed).unwrap();
     assert_eq!(of(true), of(false));
