@@ -66,13 +66,20 @@ impl<'a> Companions<'a> {
     }
 }
 
-/// A name that is an output's with another end.
+/// A name that is an output's with another end, and not the output's own.
 fn named(output: &Path, end: &str) -> Result<String> {
     let stem = output.file_stem().unwrap_or_default().to_str();
     let stem = stem.with_context(|| {
         format!("'{}' has a name that what lies beside it cannot be called after", output.display())
     })?;
-    Ok(format!("{stem}{end}"))
+    let (name, own) = (format!("{stem}{end}"), output.file_name().unwrap_or_default());
+    // Some systems do not tell capitals apart.
+    ensure!(
+        !own.eq_ignore_ascii_case(&name),
+        "'{}' is what the file beside it would be called; choose another name",
+        output.display()
+    );
+    Ok(name)
 }
 
 impl Buffer {

@@ -93,7 +93,7 @@ struct Wanted {
     #[arg(long, value_name = "P", value_parser = view::pixels)]
     poe: Option<f64>,
     /// Levels of detail, as in 50k,10k,2k: for each the finest mesh of at most N triangles, or of a share of the model's, the finest first. A glTF
-    /// has all of them by MSFT_lod; who does not know that shows the finest
+    /// has all of them, by MSFT_lod; readers that do not know that show the finest
     #[arg(long, value_name = "N,N", value_delimiter = ',', conflicts_with_all = ["camera", "viewport", "cull"])]
     lods: Vec<Triangles>,
 }

@@ -96,6 +96,8 @@ fn what_lies_beside_a_gltf_is_kept_as_the_gltf_is() {
         ("new.gltf", "--ascii", "binary"),
         ("new.gltf", "--format glb", "glTF"),
         ("missing/new.gltf", "", "missing"),
+        ("new.bin", "--format gltf", "beside it"),
+        ("new.BIN", "--format gltf -f", "beside it"),
     ]
     .map(|(name, more, told)| (format!("{name} {more}"), told))
     {

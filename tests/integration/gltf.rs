@@ -159,8 +159,8 @@ impl Gltf {
         let (size, most) = component(kind);
         let step = if view.get("byteStride").is_some() { field(view, "byteStride") } else { N * size };
         let offset = field(of, "byteOffset");
-        assert!(!is_vertex || (step % 4 == 0 && offset % 4 == 0), "{of} {view}");
-        assert!(offset % size == 0 && offset + N * size <= step, "{of} {view}");
+        assert!(!is_vertex || (step.is_multiple_of(4) && offset.is_multiple_of(4)), "{of} {view}");
+        assert!(offset.is_multiple_of(size) && offset + N * size <= step, "{of} {view}");
         let is_normalized = of["normalized"] == true;
         let names = ["", "SCALAR", "VEC2", "VEC3", "VEC4"];
         assert_eq!(of["type"], names[N], "{of}");
