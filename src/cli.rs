@@ -64,7 +64,7 @@ pub(crate) enum Command {
     Relayout(relayout::Args),
     /// Print the tables of a file as text, and its pages
     Dump(dump::Args),
-    /// Take one mesh without cracks out of a file: PLY, STL, OBJ, GLB
+    /// Take one mesh without cracks out of a file: PLY, STL, OBJ, glTF
     Extract(extract::Args),
     /// Cut by a plane, or by many: sections and contours as drawings
     Section(section::Args),

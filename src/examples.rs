@@ -137,6 +137,7 @@ const EXAMPLES: &[(&str, &[Example])] = &[
             ("chpm extract scan.chpm --triangles 10% -o tenth.ply", "by triangles"),
             ("chpm extract scan.chpm --error 0.1% -o near.ply", "by distance from the source"),
             ("chpm extract scan.chpm --triangles 20k -o small.glb --meshopt", "for the web, compressed"),
+            ("chpm extract scan.chpm --lods 50%,20%,5% -o levels.glb", "levels of detail for engines"),
             ("chpm extract scan.chpm --level 1 -o - > level.ply", "to a pipe or a file"),
             ("chpm extract scan.chpm --level 0 --order cache-oblivious -o o.ply", "for caches of any size"),
         ],

@@ -84,6 +84,18 @@ impl Frame {
         Attributes { normals: of.normals && self.normals, colors: of.colors && self.colors, ..of }
     }
 
+    /// Where a position is written.
+    fn place(&self, position: [f32; 3]) -> [f32; 3] {
+        // Through doubles, so that what is lost is lost once.
+        let near = [0, 1, 2].map(|axis| f64::from(position[axis]) - f64::from(self.less[axis]));
+        self.turn.apply(near.map(|x| x as f32))
+    }
+
+    /// The box around what is written of a box.
+    pub(crate) fn bounds(&self, of: &Aabb) -> Aabb {
+        Aabb::of_points(&[of.min, of.max].map(|corner| self.place(corner)))
+    }
+
     /// Vertices as they are written; `room` is for what has changed.
     pub(crate) fn apply<'a>(&self, from: VertexSlices<'a>, room: &'a mut Vertices) -> VertexSlices<'a> {
         let kept = VertexSlices {
@@ -96,11 +108,7 @@ impl Frame {
         }
         room.clear_vertices();
         room.extend_from_slices(kept);
-        for position in &mut room.positions {
-            // Through doubles, so that what is lost is lost once.
-            let near = [0, 1, 2].map(|axis| f64::from(position[axis]) - f64::from(self.less[axis]));
-            *position = self.turn.apply(near.map(|x| x as f32));
-        }
+        room.positions.iter_mut().for_each(|position| *position = self.place(*position));
         room.normals.iter_mut().for_each(|normal| *normal = self.turn.apply(*normal));
         room.view()
     }

@@ -14,6 +14,7 @@ mod certified;
 mod claim;
 mod cli;
 mod cmd;
+mod companions;
 mod compare;
 mod config;
 #[cfg(feature = "web")]

@@ -1,7 +1,10 @@
 //! One mesh as a file of another program: which format, and how it is streamed.
 
+mod format;
+mod streamed;
 mod textured;
 
+use crate::companions::{Buffer, Written, container};
 use crate::escape::in_line;
 use crate::frame::Frame;
 use crate::json::{self, made, named};
@@ -13,14 +16,14 @@ use crate::upright::Upright;
 use crate::whole::{Order, Whole};
 use anyhow::{Context, Result, bail, ensure};
 use chpm_build::Cancel;
-use chpm_export::{Facts, GlbWriter, ObjWriter, PIECE_VERTICES, PackedGlb, Placement, StlWriter, Turn};
+use chpm_export::{Grid, PIECE_VERTICES, Turn, coverage};
 use chpm_extmem::{AtomicFile, MappedFile};
-use chpm_format::{Chpm, ErrorKind};
-use chpm_import::ply::{Encoding, PlyWriter};
-use chpm_mesh::{Aabb, Counted, Scalar, VertexSlices, geom};
+use chpm_format::Chpm;
+use chpm_mesh::{Counted, Scalar, geom};
 use chpm_refine::{Extraction, Up};
-use serde_json::Map;
+use format::MeshFormat;
 use std::path::{Path, PathBuf};
+use streamed::{Steps, facts};
 pub(crate) use textured::memory as textured_memory;
 
 /// Bytes that choosing a cut takes for each cluster.
@@ -29,9 +32,9 @@ const SELECTION: u64 = 256;
 const PIECE: u64 = 4 << 20;
 
 /// Where a mesh goes, and as what.
-#[derive(clap::Args, Debug)]
+#[derive(clap::Args, Clone, Debug)]
 pub(crate) struct MeshArgs {
-    /// The file to write. Its name says the format: .ply, .stl, .obj or .glb; PLY where it says nothing; - for standard output
+    /// The file to write. Its name says the format: .ply, .stl, .obj, .glb or .gltf; PLY where it says nothing; - for standard output
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
     /// The format, where the name does not say it
@@ -40,14 +43,18 @@ pub(crate) struct MeshArgs {
     /// Write PLY or STL as text instead of binary little endian
     #[arg(long)]
     ascii: bool,
-    /// Compress a GLB: EXT_meshopt_compression, which three.js, Babylon.js and CesiumJS read. Named scalars are left out
+    /// Compress a glTF: EXT_meshopt_compression, which three.js, Babylon.js and CesiumJS read. Named scalars are left out
     #[arg(long)]
     meshopt: bool,
+    /// Round positions in a glTF to 16 bits an axis, normals and colours to 8 (KHR_mesh_quantization): vertices take a half to two thirds of the bytes. How far
+    /// positions move is part of the error
+    #[arg(long)]
+    quantize: bool,
     /// In which order vertices and triangles are
     #[arg(long, value_name = "ORDER", value_enum, default_value = "file")]
     order: Order,
-    /// What is up in the model, x, y, z, -x, -y or -z: the mesh is turned so that up is where its format has it, y in GLB and OBJ, z in PLY and STL. If
-    /// not given, coordinates are as in the model, and the node of a GLB turns it from what `render` finds to be up
+    /// What is up in the model, x, y, z, -x, -y or -z: the mesh is turned so that up is where its format has it, y in glTF and OBJ, z in PLY and STL. If
+    /// not given, coordinates are as in the model, and the node of a glTF turns it from what `render` finds to be up
     #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
     up: Option<Up>,
     /// Leave vertex normals out
@@ -57,51 +64,12 @@ pub(crate) struct MeshArgs {
     #[arg(long)]
     pub(crate) no_colors: bool,
     /// Write coordinates relative to the middle of the model, in single precision; where that is goes into a file beside the output, FILE.origin.json, and into
-    /// the extras of a GLB
+    /// the extras of a glTF
     #[arg(long)]
     local_origin: bool,
     /// Replace the output if it exists
     #[arg(short, long)]
     force: bool,
-}
-
-#[derive(clap::ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
-enum MeshFormat {
-    /// Polygons with all attributes, in doubles where they are needed
-    Ply,
-    /// Triangles alone, in single precision unless it is text
-    Stl,
-    /// Text; colours without alpha
-    Obj,
-    /// Binary glTF 2.0, its positions relative to an origin where they need doubles
-    Glb,
-}
-
-impl MeshFormat {
-    const NAMES: [(&str, MeshFormat); 4] = [
-        ("PLY", MeshFormat::Ply),
-        ("STL", MeshFormat::Stl),
-        ("OBJ", MeshFormat::Obj),
-        ("GLB", MeshFormat::Glb),
-    ];
-
-    fn name(self) -> &'static str {
-        Self::NAMES.iter().find(|(_, format)| *format == self).map_or("", |(name, _)| name)
-    }
-
-    /// Which axis points up in such a file.
-    fn up(self) -> &'static str {
-        match self {
-            MeshFormat::Glb | MeshFormat::Obj => "y",
-            MeshFormat::Ply | MeshFormat::Stl => "z",
-        }
-    }
-
-    /// The turn after which a direction points up in such a file.
-    fn turn(self, up: Up) -> Turn {
-        let to = if self.up() == "y" { Turn::to_y } else { Turn::to_z };
-        to(up.axis(), up.is_negative())
-    }
 }
 
 /// A mesh file that is being written.
@@ -110,21 +78,33 @@ pub(crate) struct MeshFile<'a> {
     by: &'static str,
     format: MeshFormat,
     pub(crate) output: Output,
+    /// The buffer of a glTF that is JSON.
+    buffer: Option<Buffer>,
     /// Where it is told what coordinates are relative to.
     aside: Option<(PathBuf, AtomicFile)>,
 }
 
-/// A mesh file, and the mesh that goes into it.
+/// A mesh file, and the mesh that goes into it; several are levels of detail.
 pub(crate) struct Ready<'m, 'a> {
     target: MeshFile<'a>,
-    mesh: &'m Extraction<'m, MappedFile>,
+    /// The finest first; at least one.
+    pub(crate) levels: Vec<ReadyMesh<'m>>,
     frame: Frame,
+    grid: Option<Grid>,
     /// By a node.
     turn: Turn,
     /// Which way is up, and why, where that was found out.
     pub(crate) upright: Option<String>,
-    pub(crate) bounds: Bounds,
     pub(crate) warnings: Vec<String>,
+}
+
+/// A mesh that goes into a file.
+#[derive(Clone, Copy)]
+pub(crate) struct ReadyMesh<'m> {
+    pub(crate) mesh: &'m Extraction<'m, MappedFile>,
+    pub(crate) bounds: Bounds,
+    /// Down to which share of an image's height it is to be drawn.
+    pub(crate) coverage: f64,
 }
 
 /// Bounds that a cut keeps, with the format's rounding.
@@ -137,21 +117,36 @@ pub(crate) struct Bounds {
 impl MeshArgs {
     /// Format to write, unless nothing is that has such a name.
     fn format(&self, by: &str) -> Result<MeshFormat> {
-        fn named(name: &'static str) -> Option<MeshFormat> {
-            MeshFormat::NAMES.iter().find(|(known, _)| *known == name).map(|(_, format)| *format)
-        }
         let format = match (self.format, output::promised(&self.output)) {
             (Some(format), _) => Some(format),
             (None, Promise::Nothing) => Some(MeshFormat::Ply),
-            (None, Promise::Format(name)) => named(name),
+            (None, Promise::Format(name)) => MeshFormat::named(name),
             (None, Promise::Unknown) => None,
         };
         format.with_context(|| {
             format!(
-                "{by} writes PLY, STL, OBJ and GLB, and {}: choose another, say --format, or leave the extension out",
+                "{by} writes PLY, STL, OBJ, GLB and glTF, and {}: choose another, say --format, or leave the extension out",
                 output::otherwise(&self.output)
             )
         })
+    }
+
+    /// Whether one file of this format has room for levels of detail.
+    pub(crate) fn has_levels(&self, by: &str) -> Result<bool> {
+        Ok(self.format(by)?.is_gltf())
+    }
+
+    /// The same for a file of a level's own: `out.ply` becomes `out.lod2.ply`.
+    pub(crate) fn of_level(&self, by: &str, level: usize) -> Result<MeshArgs> {
+        let format = self.format(by)?;
+        ensure!(
+            !output::is_stdout(&self.output),
+            "each level of detail is a file here: name one, or write a GLB without --lods-apart, which has all of them"
+        );
+        let mut name = self.output.file_stem().unwrap_or_default().to_owned();
+        name.push(format!(".lod{level}."));
+        name.push(self.output.extension().unwrap_or(format.extension().as_ref()));
+        Ok(MeshArgs { output: self.output.with_file_name(name), format: Some(format), ..self.clone() })
     }
 
     /// Bytes that selecting and writing take besides the file's tables.
@@ -162,7 +157,7 @@ impl MeshArgs {
         Ok(selection
             + match self.format(by)? {
                 MeshFormat::Stl => PIECE,
-                MeshFormat::Glb if self.meshopt => 3 * PIECE,
+                MeshFormat::Glb | MeshFormat::Gltf if self.meshopt => 3 * PIECE,
                 _ => 0,
             })
     }
@@ -181,12 +176,16 @@ impl MeshArgs {
     pub(crate) fn create(&self, by: &'static str, inputs: &[&Path]) -> Result<MeshFile<'_>> {
         let format = self.format(by)?;
         let name = format.name();
-        ensure!(!self.meshopt || format == MeshFormat::Glb, "--meshopt is for GLB, and this is {name}");
-        let is_binary = format == MeshFormat::Glb;
-        ensure!(!self.ascii || !is_binary, "--ascii is for PLY and STL: {name} is binary");
+        ensure!(!self.meshopt || format.is_gltf(), "--meshopt is for GLB and glTF, and this is {name}");
+        ensure!(!self.quantize || format.is_gltf(), "--quantize is for GLB and glTF, and this is {name}");
+        ensure!(!self.ascii || !format.is_gltf(), "--ascii is for PLY and STL: {name} is binary");
         let writes = Writes::mesh(by, name);
         let writes = if self.format.is_some() { writes.chosen() } else { writes };
         let output = writes.create(&self.output, self.force, inputs)?;
+        let buffer = match format {
+            MeshFormat::Gltf => Some(Buffer::create(&self.output, self.force, inputs)?),
+            _ => None,
+        };
         let aside = match (self.local_origin, output.is_stream()) {
             (false, _) => None,
             (true, true) if format == MeshFormat::Glb => None,
@@ -199,7 +198,7 @@ impl MeshArgs {
                 Some((path, file))
             }
         };
-        Ok(MeshFile { args: self, by, format, output, aside })
+        Ok(MeshFile { args: self, by, format, output, buffer, aside })
     }
 }
 
@@ -229,10 +228,19 @@ impl MeshFile<'_> {
             true => frame.about_middle(file),
             false => frame.rounded(lost),
         };
-        match self.args.up {
+        let frame = match self.args.up {
             Some(up) => frame.turned(self.format.turn(up)),
             None => frame,
+        };
+        match self.grid(file, &frame) {
+            Some(grid) => frame.rounded(grid.rounding()),
+            None => frame,
         }
+    }
+
+    /// The lattice that written positions are rounded to, over all of the model, so that every mesh of it has the same.
+    fn grid(&self, file: &Chpm<MappedFile>, frame: &Frame) -> Option<Grid> {
+        self.args.quantize.then(|| Grid::over(&frame.bounds(&file.header().aabb())))
     }
 
     /// Whether named scalars are in a file of so many triangles.
@@ -240,7 +248,7 @@ impl MeshFile<'_> {
         match self.format {
             MeshFormat::Ply => true,
             // As in `write`: without triangles there is nothing to pack.
-            MeshFormat::Glb => !self.args.meshopt || triangles == 0,
+            MeshFormat::Glb | MeshFormat::Gltf => !self.args.meshopt || triangles == 0,
             MeshFormat::Stl | MeshFormat::Obj => false,
         }
     }
@@ -249,7 +257,7 @@ impl MeshFile<'_> {
     pub(crate) fn check_textured(&self) -> Result<()> {
         ensure!(
             self.format != MeshFormat::Stl && !self.args.ascii,
-            "--texture-size is for GLB, OBJ and binary PLY: choose a name with .glb, .obj or .ply"
+            "--texture-size is for GLB, glTF, OBJ and binary PLY: choose a name with .glb, .gltf, .obj or .ply"
         );
         let is_alone = self.output.is_stream() && self.format != MeshFormat::Glb;
         ensure!(!is_alone, "images lie beside the output: name a file, or write a GLB, which has them in it");
@@ -263,20 +271,25 @@ impl MeshFile<'_> {
 }
 
 impl<'m, 'a> Ready<'m, 'a> {
-    /// Decides in which coordinates a mesh is written. Where it is `proven` to be nearer to the source than is stored, that is told.
+    /// Decides in which coordinates a mesh is written, or several, the finest first. Where they are `proven` to be nearer to the source than is stored, that
+    /// is told.
     pub(crate) fn new(
         target: MeshFile<'a>,
         file: &Chpm<MappedFile>,
-        mesh: &'m Extraction<'m, MappedFile>,
+        meshes: &[&'m Extraction<'m, MappedFile>],
         proven: Option<f32>,
         cancel: &Cancel,
     ) -> Result<Self> {
         let lost = target.lost(file);
         let mut frame = target.frame(file, false);
-        if lost > 0.0 && frame.offset().is_none() && collapses(mesh, file.header().origin, cancel)? {
-            frame = target.frame(file, true);
+        if lost > 0.0 && frame.offset().is_none() {
+            for mesh in meshes {
+                if collapses(mesh, file.header().origin, cancel)? {
+                    frame = target.frame(file, true);
+                }
+            }
         }
-        let finds_up = target.format == MeshFormat::Glb && target.args.up.is_none();
+        let finds_up = target.format.is_gltf() && target.args.up.is_none();
         let found = finds_up.then(|| Upright::of(file, None)).transpose()?;
         let turn = found.as_ref().map_or(Turn::NONE, Upright::turn);
         let upright = found.map(|found| format!("{} (--up chooses otherwise)", found.why));
@@ -285,30 +298,47 @@ impl<'m, 'a> Ready<'m, 'a> {
             if rounding > 0.0 { geom::round_up(f64::from(bound) + rounding) } else { bound }
         }
         let nearest = |stored: f32| with(proven.map_or(stored, |proven| proven.min(stored)), rounding);
-        let bounds = Bounds { error: nearest(mesh.error()), distance: nearest(mesh.distance()) };
+        let of = |mesh: &Extraction<'_, MappedFile>| Bounds {
+            error: nearest(mesh.error()),
+            distance: nearest(mesh.distance()),
+        };
+        let errors: Vec<f32> = meshes.iter().map(|mesh| of(mesh).error).collect();
+        let shares = coverage(&errors, file.header().aabb().diagonal());
+        let levels: Vec<_> = meshes
+            .iter()
+            .zip(shares)
+            .map(|(mesh, coverage)| ReadyMesh { mesh, bounds: of(mesh), coverage })
+            .collect();
         let moved = frame.offset().filter(|_| !target.args.local_origin).map(|[x, y, z]| {
             format!(
                 "so far from the zero point, the single precision of binary STL would move vertices by up to {} units: coordinates are written relative to {x} {y} {z}; --local-origin tells that in a file beside it, --ascii and other formats keep the coordinates",
                 AtMost(lost)
             )
         });
-        let left_out =
-            if target.keeps_scalars(mesh.triangle_count()) { None } else { without(mesh.scalars()) };
+        let triangles = meshes.iter().map(|mesh| mesh.triangle_count()).sum();
+        let left_out = if target.keeps_scalars(triangles) { None } else { without(file.scalars()) };
         let warnings = moved.into_iter().chain(left_out).collect();
-        Ok(Ready { target, mesh, frame, turn, upright, bounds, warnings })
+        let grid = target.grid(file, &frame);
+        Ok(Ready { target, levels, frame, grid, turn, upright, warnings })
     }
 
-    /// Facts about the written file, for programs.
-    pub(crate) fn json(&self) -> made::Mesh {
+    /// The mesh, or the finest level.
+    pub(crate) fn finest(&self) -> ReadyMesh<'m> {
+        self.levels[0]
+    }
+
+    /// Facts about a mesh of the written file, for programs.
+    pub(crate) fn json(&self, of: ReadyMesh<'m>) -> made::Mesh {
+        let ReadyMesh { mesh, bounds, .. } = of;
         let (MeshArgs { output, up, .. }, format) = (self.target.args, self.target.format);
         made::Mesh {
             output: named(output),
             format: format.name(),
-            triangles: self.mesh.triangle_count(),
-            coincident: self.mesh.coincident_count(),
-            vertices: self.mesh.vertex_count(),
-            error: self.bounds.error,
-            distance: self.bounds.distance,
+            triangles: mesh.triangle_count(),
+            coincident: mesh.coincident_count(),
+            vertices: mesh.vertex_count(),
+            error: bounds.error,
+            distance: bounds.distance,
             origin: self.offset(),
             origin_file: self.target.aside.as_ref().map(|(path, _)| named(path)),
             up: up.is_some().then_some(format.up()).or(self.upright.as_ref().map(|_| format.up())),
@@ -320,12 +350,11 @@ impl<'m, 'a> Ready<'m, 'a> {
         self.frame.offset().map(|offset| self.turn.apply(offset))
     }
 
-    /// Streams the mesh and gives the file its name.
-    pub(crate) fn write(self, file: &Chpm<MappedFile>, meter: &Meter, cancel: &Cancel) -> Result<()> {
-        let offset = self.offset();
-        let Ready { target, mesh, frame, turn, bounds, .. } = self;
+    /// Streams the mesh. The file has no name yet.
+    pub(crate) fn write(self, file: &Chpm<MappedFile>, meter: &Meter, cancel: &Cancel) -> Result<Written> {
+        let (offset, Bounds { error, distance }) = (self.offset(), self.finest().bounds);
+        let Ready { target, levels, frame, grid, turn, .. } = self;
         let (by, ascii) = (target.by, target.args.ascii);
-        let Bounds { error, distance } = bounds;
         // In front, since a binary STL has room for 80 bytes.
         let place = offset.map_or(String::new(), |[x, y, z]| format!(", origin {x} {y} {z}"));
         let comment = match file.has_gaps() {
@@ -333,21 +362,29 @@ impl<'m, 'a> Ready<'m, 'a> {
             false => format!("chpm {by}{place}, error {error:e}"),
         };
         let steps = Steps { meter, cancel };
-        let mesh = &Whole::new(mesh, frame, target.args.order, cancel)?;
+        let meshes: Vec<Whole<'_>> = levels
+            .iter()
+            .map(|level| Whole::new(level.mesh, frame, target.args.order, cancel))
+            .collect::<Result<_>>()?;
+        let mesh = &meshes[0];
         stop::check(cancel)?;
-        let facts = || facts(file, mesh, by, bounds, offset, turn);
-        let output = match target.format {
-            MeshFormat::Ply => ply(mesh, target.output, ascii, &comment, &steps),
-            MeshFormat::Stl => stl(mesh, target.output, ascii, &comment, &steps),
-            MeshFormat::Obj => obj(mesh, target.output, &comment, &steps),
-            MeshFormat::Glb if target.args.meshopt && mesh.triangle_count() > 0 => {
-                packed_glb(mesh, target.output, facts(), &steps)
+        let output = target.output;
+        let mut written = match target.format {
+            MeshFormat::Ply => Written::alone(streamed::ply(mesh, output, ascii, &comment, &steps)?),
+            MeshFormat::Stl => Written::alone(streamed::stl(mesh, output, ascii, &comment, &steps)?),
+            MeshFormat::Obj => Written::alone(streamed::obj(mesh, output, &comment, &steps)?),
+            MeshFormat::Glb | MeshFormat::Gltf => {
+                let mut facts = facts(file, (&levels, mesh.origin()), by, offset, turn);
+                facts.grid = grid;
+                let has_mesh = meshes.iter().any(|mesh| mesh.triangle_count() > 0);
+                let container = container(output, target.buffer);
+                let container = match target.args.meshopt && has_mesh {
+                    true => streamed::packed_gltf(&meshes, container, facts, &steps)?,
+                    false => streamed::gltf(&meshes, container, &facts, &steps)?,
+                };
+                Written::gltf(container, has_mesh)
             }
-            MeshFormat::Glb => glb(mesh, target.output, &facts(), &steps),
         };
-        let output = output?;
-        file.get_ref().check_unchanged()?;
-        // First, so that no mesh is there without it.
         if let Some((_, mut aside)) = target.aside {
             let name = target.args.output.file_name().unwrap_or_default();
             let origin = made::Origin {
@@ -356,18 +393,18 @@ impl<'m, 'a> Ready<'m, 'a> {
                 origin: offset,
             };
             json::print(&origin, &mut aside)?;
-            aside.publish()?;
+            written.beside.push(aside);
         }
-        output.publish()?;
+        file.get_ref().check_unchanged()?;
         meter.finish();
-        Ok(())
+        Ok(written)
     }
 }
 
 /// Warning of an output that has colours of vertices where it could have images.
 pub(crate) fn without_images(file: &Chpm<MappedFile>, args: &MeshArgs) -> Option<String> {
     (file.header().has_sheets() && !args.no_colors).then(|| {
-        "images have become colours of vertices: --texture-size 4096 writes them, to GLB, OBJ or PLY"
+        "images have become colours of vertices: --texture-size 4096 writes them, to glTF, OBJ or PLY"
             .to_owned()
     })
 }
@@ -377,7 +414,7 @@ pub(crate) fn without(scalars: &[Scalar]) -> Option<String> {
     let names: Vec<_> = scalars.iter().map(|scalar| in_line(&scalar.name)).collect();
     (!names.is_empty()).then(|| {
         format!(
-            "the output leaves out {}: extract to PLY or to GLB without --meshopt keeps named scalars",
+            "the output leaves out {}: extract to PLY or to glTF without --meshopt keeps named scalars",
             names.join(", ")
         )
     })
@@ -416,6 +453,11 @@ pub(crate) fn summary(
     bounds: Bounds,
     unit: &str,
 ) -> String {
+    format!("{}: {}", output.display(), outline(mesh, bounds, unit))
+}
+
+/// The same without its name.
+pub(crate) fn outline(mesh: &Extraction<'_, MappedFile>, bounds: Bounds, unit: &str) -> String {
     let Bounds { error, distance } = bounds;
     // Only what has vanished is farther.
     let vanished = match distance > error {
@@ -427,155 +469,9 @@ pub(crate) fn summary(
         count => format!(", {} of them on others", crate::report::count(count)),
     };
     format!(
-        "{}: {}{coincident}, {}, error {} {unit}{vanished}",
-        output.display(),
+        "{}{coincident}, {}, error {} {unit}{vanished}",
         Counted(mesh.triangle_count(), "triangle"),
         Counted(mesh.vertex_count().into(), "vertex"),
         AtMost(error.into()),
     )
-}
-
-/// Progress, and the wish to stop.
-struct Steps<'a> {
-    meter: &'a Meter,
-    cancel: &'a Cancel,
-}
-
-impl Steps<'_> {
-    fn begin(&self, total: u64) {
-        self.meter.start("extract", total);
-    }
-
-    fn done(&self, count: usize) -> Result<()> {
-        stop::check(self.cancel)?;
-        self.meter.add(count as u64);
-        Ok(())
-    }
-}
-
-fn facts(
-    file: &Chpm<MappedFile>,
-    mesh: &Whole<'_>,
-    by: &str,
-    bounds: Bounds,
-    offset: Option<[f64; 3]>,
-    turn: Turn,
-) -> Facts {
-    let mut extras = Map::new();
-    extras.insert("error".to_owned(), f64::from(bounds.error).into());
-    if file.has_gaps() {
-        extras.insert("distance".to_owned(), f64::from(bounds.distance).into());
-    }
-    extras.insert("certified".to_owned(), (file.header().error_kind() == Some(ErrorKind::Certified)).into());
-    if let Some(offset) = offset {
-        extras.insert("origin".to_owned(), offset.to_vec().into());
-    }
-    let generator = format!("chpm {} {by}", env!("CARGO_PKG_VERSION"));
-    let placement = Placement { origin: mesh.origin().unwrap_or_default(), turn };
-    Facts { generator, placement, extras, scalars: mesh.scalars().to_vec() }
-}
-
-/// In doubles if the model is far from the zero point: single precision would move vertices there.
-fn ply(mesh: &Whole<'_>, output: Output, ascii: bool, comment: &str, steps: &Steps<'_>) -> Result<Output> {
-    let encoding = if ascii { Encoding::Ascii } else { Encoding::BinaryLittleEndian };
-    let (vertices, triangles) = (u64::from(mesh.vertex_count()), mesh.triangle_count());
-    let origin = mesh.origin();
-    steps.begin(vertices + triangles);
-    let attributes = mesh.attributes();
-    let (scalars, double) = (mesh.scalars(), origin.is_some());
-    let mut ply = PlyWriter::with_scalars(
-        output,
-        encoding,
-        vertices,
-        triangles,
-        attributes,
-        scalars,
-        double,
-        &[comment],
-    )?;
-
-    let mut absolute = Vec::new();
-    mesh.vertices(|batch| {
-        steps.done(batch.positions.len())?;
-        if let Some(origin) = origin {
-            absolute.clear();
-            absolute.extend(batch.absolute(origin));
-            ply.vertices_f64(&absolute, batch)?;
-        } else {
-            ply.vertices(batch)?;
-        }
-        anyhow::Ok(())
-    })?;
-    mesh.triangles(|batch| {
-        steps.done(batch.len())?;
-        anyhow::Ok(ply.triangles(batch)?)
-    })?;
-    Ok(ply.finish()?)
-}
-
-fn stl(mesh: &Whole<'_>, output: Output, ascii: bool, comment: &str, steps: &Steps<'_>) -> Result<Output> {
-    steps.begin(mesh.triangle_count());
-    let mut stl = StlWriter::new(output, ascii, mesh.triangle_count(), comment)?;
-    let origin = mesh.origin().unwrap_or_default();
-    mesh.pieces(PIECE_VERTICES, |vertices, triangles| {
-        steps.done(triangles.len())?;
-        let corners = triangles.iter().map(|corners| {
-            corners.map(|v| {
-                let position = vertices.positions[v as usize];
-                std::array::from_fn(|axis| f64::from(position[axis]) + origin[axis])
-            })
-        });
-        anyhow::Ok(stl.triangles(corners)?)
-    })?;
-    Ok(stl.finish()?)
-}
-
-fn obj(mesh: &Whole<'_>, output: Output, comment: &str, steps: &Steps<'_>) -> Result<Output> {
-    let (vertices, triangles) = (u64::from(mesh.vertex_count()), mesh.triangle_count());
-    steps.begin(vertices + triangles);
-    let mut obj = ObjWriter::new(output, vertices, triangles, mesh.attributes(), comment)?;
-    mesh.vertices(|batch| {
-        steps.done(batch.positions.len())?;
-        anyhow::Ok(obj.vertices(batch, mesh.origin())?)
-    })?;
-    mesh.triangles(|batch| {
-        steps.done(batch.len())?;
-        anyhow::Ok(obj.triangles(batch)?)
-    })?;
-    Ok(obj.finish()?)
-}
-
-fn glb(mesh: &Whole<'_>, output: Output, facts: &Facts, steps: &Steps<'_>) -> Result<Output> {
-    let (vertices, triangles) = (u64::from(mesh.vertex_count()), mesh.triangle_count());
-    steps.begin(2 * vertices + triangles);
-    let mut bounds = Aabb::EMPTY;
-    mesh.vertices(|batch| {
-        bounds.merge(&Aabb::of_points(batch.positions));
-        steps.done(batch.positions.len())
-    })?;
-    let mut glb = GlbWriter::new(output, facts, mesh.attributes(), vertices, triangles, &bounds)?;
-    mesh.vertices(|batch| {
-        steps.done(batch.positions.len())?;
-        anyhow::Ok(glb.vertices(batch)?)
-    })?;
-    mesh.triangles(|batch| {
-        steps.done(batch.len())?;
-        anyhow::Ok(glb.triangles(batch)?)
-    })?;
-    Ok(glb.finish()?)
-}
-
-fn packed_glb(mesh: &Whole<'_>, output: Output, facts: Facts, steps: &Steps<'_>) -> Result<Output> {
-    steps.begin(2 * mesh.triangle_count());
-    let mut measured = PackedGlb::new(facts, mesh.attributes());
-    mesh.pieces(PIECE_VERTICES, |vertices: VertexSlices<'_>, triangles| {
-        steps.done(triangles.len())?;
-        anyhow::Ok(measured.measure(vertices, triangles)?)
-    })?;
-    let mut glb = measured.begin(output)?;
-    mesh.pieces(PIECE_VERTICES, |vertices, triangles| {
-        steps.done(triangles.len())?;
-        anyhow::Ok(glb.write(vertices, triangles)?)
-    })?;
-    Ok(glb.finish()?)
 }

@@ -59,11 +59,11 @@ pub(crate) const SCREENSHOT: Writes = Writes { streams: false, ..writes("view --
 /// Extensions that promise a format, whether it is written or not.
 #[rustfmt::skip]
 const EXTENSIONS: &[(&str, &str)] = &[
-    ("chpm", "CHPM"), ("ply", "PLY"), ("stl", "STL"), ("obj", "OBJ"), ("glb", "GLB"),
+    ("chpm", "CHPM"), ("ply", "PLY"), ("stl", "STL"), ("obj", "OBJ"), ("glb", "GLB"), ("gltf", "glTF"),
     ("path", "a camera path"), ("csv", "CSV"), ("html", "HTML"), ("htm", "HTML"), ("svg", "SVG"), ("png", "PNG"),
     ("3dm", "Rhino"), ("3ds", "3DS"), ("3mf", "3MF"), ("abc", "Alembic"), ("amf", "AMF"), ("blend", "Blender"), ("bmp", "BMP"),
     ("conf", "a list of range scans"), ("ctm", "OpenCTM"), ("dae", "COLLADA"), ("drc", "Draco"), ("dxf", "DXF"), ("e57", "E57"),
-    ("exr", "OpenEXR"), ("fbx", "FBX"), ("geojson", "GeoJSON"), ("gif", "GIF"), ("gltf", "glTF"), ("gz", "gzip"), ("iges", "IGES"), ("igs", "IGES"),
+    ("exr", "OpenEXR"), ("fbx", "FBX"), ("geojson", "GeoJSON"), ("gif", "GIF"), ("gz", "gzip"), ("iges", "IGES"), ("igs", "IGES"),
     ("npy", "NumPy"), ("jpeg", "JPEG"), ("jpg", "JPEG"), ("json", "JSON"), ("las", "LAS"), ("laz", "LAZ"), ("mp4", "MP4"), ("nii", "NIfTI"), ("off", "OFF"),
     ("pcd", "PCD"), ("pdf", "PDF"), ("pts", "points"), ("step", "STEP"), ("stp", "STEP"), ("tar", "tar"), ("tif", "TIFF"),
     ("tiff", "TIFF"), ("toml", "TOML"), ("tsv", "TSV"), ("txt", TEXT), ("usd", "USD"), ("usda", "USD"), ("usdc", "USD"), ("usdz", "USD"),
@@ -115,7 +115,8 @@ pub(crate) fn otherwise(path: &Path) -> String {
 impl Writes {
     /// A mesh in a format that may be chosen.
     pub(crate) fn mesh(by: &'static str, format: &'static str) -> Self {
-        Writes { streams: format != BUILD.format, ..writes(by, format) }
+        // A glTF has its buffer beside it.
+        Writes { streams: ![BUILD.format, "glTF"].contains(&format), ..writes(by, format) }
     }
 
     /// Name of the format.

@@ -36,12 +36,16 @@ mod integration {
     mod digest;
     /// The documents: their length, their links, and what they say to type.
     mod documents;
+    /// Meshes that engines load.
+    mod engines;
     /// The examples of the libraries run.
     mod examples;
     /// The same mesh in every format that is written, and simplified in one go.
     mod formats;
     /// A reader of GLB.
     pub(crate) mod glb;
+    /// A reader of glTF in either container.
+    pub(crate) mod gltf;
     /// Every mesh that is hard to simplify, and what its file must be; flat plates and absent attributes.
     mod hard_cases;
     /// Damaged .chpm files: each verb answers, none panics.
@@ -54,6 +58,8 @@ mod integration {
     mod json;
     /// Positions on a lattice.
     mod lattice;
+    /// Levels of detail in one file, or in several.
+    mod lods;
     /// Known distances, and stored errors that hold or do not.
     mod measure;
     /// Verbs that read stay below the memory that they are given.

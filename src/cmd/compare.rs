@@ -55,7 +55,7 @@ pub(crate) struct Args {
     /// Distances without a sign. They have one where the reference is closed and turns one way: negative behind its surface
     #[arg(long)]
     unsigned: bool,
-    /// Write the scan with its distances as colours, evenly spaced for the eye. Its name says the format: .ply, .glb or .chpm, which is built from it;
+    /// Write the scan with its distances as colours, evenly spaced for the eye. Its name says the format: .ply, .glb, .gltf or .chpm, which is built from it;
     /// PLY where it says nothing; - for standard output
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,

@@ -47,7 +47,7 @@ pub(crate) struct Args {
     /// Which normals vertices have
     #[arg(long, value_name = "WHICH", value_enum, default_value_t = NormalsArg::Source, conflicts_with = "no_normals")]
     normals: NormalsArg,
-    /// Keep the images of the source, in new ones of N texels a side, as many as it takes: into a GLB, or beside an OBJ or a binary PLY. Where one
+    /// Keep the images of the source, in new ones of N texels a side, as many as it takes: into a GLB, or beside a glTF, an OBJ or a binary PLY. Where one
     /// is enough, its texels are as fine as fit, up to the source's. --effort is 1 at most then
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(256..=16384),
           conflicts_with_all = ["up", "local_origin", "order"])]
@@ -147,12 +147,13 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             .map_or(0, |side| mesh_file::textured_memory(&file, side, mesh.triangle_count()));
         let bytes = args.mesh.memory("simplify", &file)? + args.mesh.order_memory(&mesh) + images;
         memory::divide(&file, config.resources.memory, bytes)?;
-        let ready = Ready::new(target, &file, &mesh, proven, &cancel)?;
-        let (bounds, upright) = (ready.bounds, ready.upright.clone());
+        let ready = Ready::new(target, &file, &[&mesh], proven, &cancel)?;
+        let (finest, upright) = (ready.finest(), ready.upright.clone());
+        let bounds = finest.bounds;
         if let Some(asked) = bound.map(|bound| bound.of(diagonal)) {
             ensure!(
                 f64::from(bounds.distance) <= asked,
-                "nothing is within {} units: what single precision rounds is {}; ask for at least that",
+                "nothing is within {} units: what writing rounds is {}; ask for at least that",
                 Units(asked),
                 AtMost(bounds.distance.into())
             );
@@ -168,12 +169,13 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             diagonal,
             unit: args.unit.map(Unit::symbol),
             warnings: report.warnings.iter().chain(&warnings).cloned().collect(),
-            mesh: ready.json(),
+            mesh: ready.json(finest),
         };
-        match args.texture_size {
-            Some(side) => ready.write_textured(&file, &cut, side, &meter, &cancel)?,
+        let written = match args.texture_size {
+            Some(side) => ready.write_textured(&file, &[&cut], side, &|_| Ok(()), &meter, &cancel)?,
             None => ready.write(&file, &meter, &cancel)?,
-        }
+        };
+        written.publish()?;
         if args.json {
             json::print(&simplify, &mut out)?;
             return Ok(out.flush()?);

@@ -2,13 +2,14 @@
 
 use super::{Parts, leaves};
 use crate::cmd::build;
+use crate::companions::{self, Buffer, container};
 use crate::output::{self, Output, Promise, Writes};
 use crate::progress::Meter;
 use crate::stop::{self, Stop};
 use crate::upright::Upright;
 use anyhow::{Result, bail};
 use chpm_build::{BuildConfig, Cancel, Resources};
-use chpm_export::{Facts, GlbWriter, Placement};
+use chpm_export::{Container, Extent, Facts, GlbWriter, Level, Placement};
 use chpm_extmem::{MappedFile, WorkDir};
 use chpm_format::Chpm;
 use chpm_import::ply::{Encoding, PlyWriter};
@@ -22,7 +23,8 @@ const COLORED: Attributes = Attributes { colors: true, ..Attributes::NONE };
 /// Where the scan is written, and as what.
 pub(crate) enum Painted {
     Ply(Output),
-    Glb(Output),
+    /// With the buffer beside it, if it is JSON.
+    Gltf(Output, Option<Buffer>),
     /// Built from a PLY in a folder beside it.
     Chpm {
         path: PathBuf,
@@ -45,7 +47,12 @@ impl Painted {
             Promise::Nothing | Promise::Format("PLY") => {
                 Painted::Ply(writes("PLY").create(path, force, inputs)?)
             }
-            Promise::Format("GLB") => Painted::Glb(writes("GLB").create(path, force, inputs)?),
+            Promise::Format(format @ ("GLB" | "glTF")) => {
+                let output = writes(format).create(path, force, inputs)?;
+                let is_json = format == "glTF";
+                let buffer = is_json.then(|| Buffer::create(path, force, inputs)).transpose()?;
+                Painted::Gltf(output, buffer)
+            }
             Promise::Format("CHPM") => {
                 // Opened to see whether it can be.
                 drop(writes("CHPM").create(path, force, inputs)?);
@@ -53,7 +60,7 @@ impl Painted {
                 Painted::Chpm { path: path.to_owned(), force, folder: WorkDir::create(place)? }
             }
             _ => bail!(
-                "{by} writes PLY, GLB and CHPM, and {}: choose another, or leave the extension out",
+                "{by} writes PLY, GLB, glTF and CHPM, and {}: choose another, or leave the extension out",
                 output::otherwise(path)
             ),
         })
@@ -62,7 +69,7 @@ impl Painted {
     /// Output, if it is wanted; it may be standard output.
     pub(crate) fn output(&self) -> Option<&Output> {
         match self {
-            Painted::Ply(output) | Painted::Glb(output) => Some(output),
+            Painted::Ply(output) | Painted::Gltf(output, _) => Some(output),
             Painted::Chpm { .. } => None,
         }
     }
@@ -78,8 +85,8 @@ impl Painted {
     ) -> Result<Written> {
         let mesh = Colored { by, file, parts, colors, cancel };
         let finished = match self {
-            Painted::Ply(output) => mesh.ply(output)?,
-            Painted::Glb(output) => mesh.glb(output)?,
+            Painted::Ply(output) => companions::Written::alone(mesh.ply(output)?),
+            Painted::Gltf(output, buffer) => mesh.gltf(container(output, buffer))?,
             Painted::Chpm { path, force, folder } => {
                 let output = Writes::mesh(by, "PLY").create(&folder.path().join(SOURCE), false, &[])?;
                 mesh.ply(output)?.publish()?;
@@ -156,7 +163,7 @@ impl Colored<'_> {
         Ok(ply.finish()?)
     }
 
-    fn glb(&self, output: Output) -> Result<Output> {
+    fn gltf(&self, container: Container<Output>) -> Result<companions::Written> {
         let origin = self.file.header().origin;
         let placement = Placement { origin, turn: Upright::of(self.file, None)?.turn() };
         let range = self.colors.range().to_vec();
@@ -164,8 +171,9 @@ impl Colored<'_> {
         let facts = Facts {
             generator: format!("chpm {} {}", env!("CARGO_PKG_VERSION"), self.by),
             placement,
-            extras,
+            levels: vec![Level { extras, coverage: 0.0 }],
             scalars: Vec::new(),
+            grid: None,
         };
         let mut bounds = Aabb::EMPTY;
         self.parts.vertices(self.file, |vertices, _| {
@@ -173,9 +181,9 @@ impl Colored<'_> {
             Ok(())
         })?;
         let (vertices, triangles) = self.counts();
-        let mut glb = GlbWriter::new(output, &facts, COLORED, vertices, triangles, &bounds)?;
+        let mut glb = GlbWriter::new(container, &facts, COLORED, &[Extent { vertices, triangles, bounds }])?;
         self.vertices(|batch| Ok(glb.vertices(batch)?))?;
         self.triangles(|batch| Ok(glb.triangles(batch)?))?;
-        Ok(glb.finish()?)
+        Ok(companions::Written::gltf(glb.finish()?, triangles > 0))
     }
 }

@@ -8,7 +8,7 @@ use serde::Serialize;
 pub(crate) struct Mesh {
     /// The mesh file
     pub(crate) output: String,
-    /// `PLY`, `STL`, `OBJ` or `GLB`
+    /// `PLY`, `STL`, `OBJ`, `GLB` or `glTF`
     pub(crate) format: &'static str,
     /// Triangles of the mesh
     pub(crate) triangles: u64,
@@ -24,7 +24,7 @@ pub(crate) struct Mesh {
     pub(crate) origin: Option<[f64; 3]>,
     /// The file beside it that tells that; `null` without `--local-origin`
     pub(crate) origin_file: Option<String>,
-    /// With `--up`, and in GLB: the axis of the mesh file that points up, `y` or `z`
+    /// With `--up`, and in glTF: the axis of the mesh file that points up, `y` or `z`
     pub(crate) up: Option<&'static str>,
 }
 
@@ -42,6 +42,36 @@ pub(crate) struct Extract {
     pub(crate) satisfied: bool,
     /// Remarks on what was done otherwise or is less than was asked for
     pub(crate) warnings: Vec<String>,
+    #[serde(flatten)]
+    pub(crate) mesh: Mesh,
+}
+
+/// `chpm extract --lods --json`
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct ExtractLods {
+    /// `chpm-extract-lods/1`
+    pub(crate) schema: &'static str,
+    /// The file as it was named
+    pub(crate) file: String,
+    /// Whether the file has what was asked for
+    pub(crate) satisfied: bool,
+    /// Remarks on what was done otherwise or is less than was asked for
+    pub(crate) warnings: Vec<String>,
+    /// The levels, the finest first; in one output or each in its own
+    pub(crate) levels: Vec<Lod>,
+}
+
+/// A level of detail.
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct Lod {
+    /// How many triangles it might have at most
+    pub(crate) asked: u64,
+    /// Clusters that the mesh is of
+    pub(crate) clusters: usize,
+    /// The share of an image's height, taken by the sphere around the model, down to which it is to be drawn: below it, `error` of the next level is a pixel of 1080 at most. 0 for the last
+    pub(crate) coverage: f64,
     #[serde(flatten)]
     pub(crate) mesh: Mesh,
 }

@@ -34,6 +34,7 @@ fn documents() -> Vec<(&'static str, Value)> {
         ("chpm-measure-meshes/1", schema_for!(judged::MeasureMeshes).to_value()),
         ("chpm-measure-texture/1", schema_for!(judged::MeasureTexture).to_value()),
         ("chpm-extract/1", schema_for!(made::Extract).to_value()),
+        ("chpm-extract-lods/1", schema_for!(made::ExtractLods).to_value()),
         ("chpm-section/1", schema_for!(made::Section).to_value()),
         ("chpm-rays/1", schema_for!(made::Rays).to_value()),
         ("chpm-simplify/1", schema_for!(made::Simplify).to_value()),

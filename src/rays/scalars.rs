@@ -24,7 +24,7 @@ use std::path::PathBuf;
 pub(crate) struct ScalarArgs {
     /// The .chpm file
     pub(crate) file: PathBuf,
-    /// Write the leaves with these numbers as colours, evenly spaced for the eye; grey is none. The name says the format: .ply, .glb or .chpm, which is built from
+    /// Write the leaves with these numbers as colours, evenly spaced for the eye; grey is none. The name says the format: .ply, .glb, .gltf or .chpm, which is built from
     /// it; PLY where it says nothing; - for standard output
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,

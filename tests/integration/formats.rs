@@ -191,8 +191,8 @@ fn names_and_options_choose_the_format() {
         assert_eq!(streamed, folder.read("file"), "{format}");
     }
     for (words, told) in [
-        ("-o a.png", "PLY, STL, OBJ and GLB"),
-        ("-o a.gltf", "glTF"),
+        ("-o a.png", "PLY, STL, OBJ, GLB and glTF"),
+        ("-o a.glb --format gltf", "GLB"),
         ("-o a.v2", "--format"),
         ("-o a.fbx --format ply", "FBX"),
         ("-o a.stl --format ply", "STL"),

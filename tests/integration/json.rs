@@ -127,6 +127,8 @@ fn every_key_is_documented_and_appears() {
         ("walk", "walk in.chpm in.path -q --json", 0),
         ("extract", "extract in.chpm --level 1 --local-origin -o local.ply -q --json", 0),
         ("extract", "extract in.chpm --triangles 9k --up z -o turned.obj -q --json", 0),
+        ("extract-lods", "extract in.chpm --lods 900,200 -o lods.glb -q --json", 0),
+        ("extract-lods", "extract in.chpm --lods 900,200 -o lods.ply --local-origin -q --json", 0),
         ("section", "section in.chpm --plane 0,0,1:0.1 --preview 5% -o a.svg -q --json", 0),
         ("section", "section in.chpm --every 0.5 -q --json", 0),
         ("rays", "rays in.chpm some.rays --error 1% -o a.csv -q --json", 0),

@@ -175,7 +175,7 @@ fn names_of_other_formats_are_refused() {
     let before = folder.names();
     for (words, names) in [
         (WRITERS[0].0, "q.ply q.png q.OBJ q.chpm.gz q.v2"),
-        (WRITERS[1].0, "q.gltf q.chpm q.ply.gz q.fbx q.dae q.usdz q.none"),
+        (WRITERS[1].0, "q.chpm q.ply.gz q.fbx q.dae q.usdz q.none"),
         (WRITERS[2].0, "q.chpm q.stl q.jpg"),
         (WRITERS[3].0, "q.csv q.chpm"),
         (WRITERS[4].0, "q.json q.svg"),

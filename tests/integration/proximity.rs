@@ -231,7 +231,7 @@ fn a_scan_is_compared_with_a_reference() {
     assert!(folder.read("out.ply") == colored);
     let own = answer(&folder, "compare in.ply in.chpm --tolerance 0 --unsigned -q --json", 0);
     assert!(own["signed"] == false && own["max"].as_f64().unwrap() < 1e-6, "{own}");
-    assert!(folder.stderr("compare in.chpm in.chpm -o out.stl", 2).contains("PLY, GLB and CHPM"));
+    assert!(folder.stderr("compare in.chpm in.chpm -o out.stl", 2).contains("PLY, GLB, glTF and CHPM"));
 }
 
 #[test]

@@ -141,7 +141,7 @@ fn outputs_without_scalars_say_so() {
     let folder = Folder::new();
     source(&folder, "in.ply");
     folder.stdout("build in.ply -o out.chpm -q --keep all");
-    let told = "warning: the output leaves out quality, time, class: extract to PLY or to GLB without --meshopt keeps named scalars";
+    let told = "warning: the output leaves out quality, time, class: extract to PLY or to glTF without --meshopt keeps named scalars";
     for (line, is_told) in [
         ("extract out.chpm --level 0 -qf -o got.ply", false),
         ("extract out.chpm --level 0 -qf -o got.glb", false),

@@ -120,7 +120,7 @@ fn every_verb_has_a_manual_page_that_is_not_replaced() {
         "[--format FORMAT]",
         "[-f|--force]",
         "-o|--output FILE",
-        "<--triangles N|--error E|--level L|--poe P>",
+        "<--triangles N|--error E|--level L|--poe P|--lods N,N>",
         " FILE",
     ] {
         assert!(synopsis.contains(part), "{part}: {synopsis}");

@@ -1,6 +1,7 @@
-//! The JSON of a GLB, and the frame around it.
+//! The JSON of a glTF.
 
-use crate::error::ExportError;
+use crate::grid::Grid;
+use crate::scene::{Level, document as scene, use_extension};
 use crate::turn::Turn;
 use crate::vertex::Stride;
 use chpm_mesh::{Attributes, Scalar, scalar_names};
@@ -23,32 +24,50 @@ impl Placement {
     pub const HERE: Placement = Placement { origin: [0.0; 3], turn: Turn::NONE };
 
     /// A node without a mesh.
-    pub(crate) fn node(&self) -> Value {
-        let is_moved = self.origin != [0.0; 3];
+    pub(crate) fn node(&self, grid: Option<&Grid>) -> Value {
+        let (low, step) = grid.map_or(([0.0; 3], 1.0), Grid::place);
+        let zero: [f64; 3] = std::array::from_fn(|axis| self.origin[axis] + low[axis]);
+        let (is_moved, is_scaled) = (zero != [0.0; 3], step != 1.0);
         if self.turn == Turn::NONE {
-            return if is_moved { json!({ "translation": self.origin }) } else { json!({}) };
+            let mut node = json!({});
+            if is_moved {
+                node["translation"] = json!(zero);
+            }
+            if is_scaled {
+                node["scale"] = vec![step; 3].into();
+            }
+            return node;
         }
-        let [x, y, z] = self.turn.columns();
+        let columns = self.turn.columns();
+        let [x, y, z] = columns;
         let mut matrix = json!([x[0], x[1], x[2], 0, y[0], y[1], y[2], 0, z[0], z[1], z[2], 0, 0, 0, 0, 1]);
+        if is_scaled {
+            for (at, number) in columns.as_flattened().iter().enumerate().filter(|(_, number)| **number != 0)
+            {
+                matrix[4 * (at / 3) + at % 3] = (f64::from(*number) * step).into();
+            }
+        }
         if is_moved {
-            let zero = self.turn.apply(self.origin);
+            let zero = self.turn.apply(zero);
             (0..3).for_each(|axis| matrix[12 + axis] = zero[axis].into());
         }
         json!({ "matrix": matrix })
     }
 }
 
-/// Facts of a GLB beside its mesh.
+/// Facts of a glTF beside its mesh.
 #[derive(Clone, Debug)]
 pub struct Facts {
     /// The program that wrote it.
     pub generator: String,
     /// Where the mesh stands.
     pub placement: Placement,
-    /// Further numbers and words about the mesh, by name.
-    pub extras: Map<String, Value>,
+    /// The mesh; or several, as levels of detail, the finest first.
+    pub levels: Vec<Level>,
     /// Named scalars of the vertices, each an attribute `_NAME`.
     pub scalars: Vec<Scalar>,
+    /// The lattice that positions are rounded to; normals and colours are bytes then.
+    pub grid: Option<Grid>,
 }
 
 /// A stretch of vertices and the triangles over them.
@@ -80,68 +99,39 @@ impl Part {
     }
 }
 
+/// Component type of positions, and the ends of their box as they are stored.
+pub(crate) fn position(grid: Option<&Grid>, ends: [[f32; 3]; 2]) -> (u32, [Value; 2]) {
+    match grid {
+        Some(grid) => (5123, ends.map(|end| json!(grid.nearest(end)))),
+        None => (5126, ends.map(|end| json!(end.map(f64::from)))),
+    }
+}
+
 /// The length up to which zeros go.
 pub(crate) fn padded(len: u64) -> u64 {
     len.next_multiple_of(4)
 }
 
-/// Everything of a GLB that comes before the vertices.
-pub(crate) fn front(facts: &Facts, attributes: Attributes, parts: &[Part]) -> Result<Vec<u8>, ExportError> {
-    let stride = Stride::of(attributes, facts.scalars.len());
-    let body: u64 = parts.iter().flat_map(|part| part.stored(stride)).map(padded).sum();
-    framed(&root(facts, stride, parts, body), body)
+/// The JSON of the parts of each level, and how many bytes of them follow it.
+pub(crate) fn document(facts: &Facts, attributes: Attributes, parts: &[Vec<Part>]) -> (Value, u64) {
+    let stride = Stride::of(attributes, facts.scalars.len(), facts.grid.is_some());
+    let body: u64 = parts.iter().flatten().flat_map(|part| part.stored(stride)).map(padded).sum();
+    (root(facts, stride, parts, body), body)
 }
 
-/// The JSON, and all that stands about it in front of a body of so many bytes.
-pub(crate) fn framed(root: &Value, body: u64) -> Result<Vec<u8>, ExportError> {
-    let mut text = root.to_string().into_bytes();
-    text.resize(padded(text.len() as u64) as usize, b' ');
-
-    let chunk = if body > 0 { 8 + body } else { 0 };
-    let len = 12 + 8 + text.len() as u64 + chunk;
-    let whole = u32::try_from(len).map_err(|_| ExportError::TooLarge {
-        format: "GLB",
-        what: "bytes",
-        limit: u32::MAX.into(),
-        got: len,
-        remedy: "write a PLY, ask for fewer triangles, or compress it with --meshopt",
-    })?;
-
-    let mut front = Vec::with_capacity(28 + text.len());
-    front.extend(b"glTF");
-    front.extend(2_u32.to_le_bytes());
-    front.extend(whole.to_le_bytes());
-    front.extend((text.len() as u32).to_le_bytes());
-    front.extend(b"JSON");
-    front.extend(text);
-    if body > 0 {
-        front.extend((body as u32).to_le_bytes());
-        front.extend(b"BIN\0");
-    }
-    Ok(front)
-}
-
-fn root(facts: &Facts, stride: Stride, parts: &[Part], body: u64) -> Value {
-    let mut node = facts.placement.node();
-    let asset = json!({ "version": "2.0", "generator": facts.generator });
-    let mut root = json!({ "asset": asset, "scene": 0, "scenes": [{ "nodes": [0] }] });
-    if parts.is_empty() {
-        // glTF has no empty meshes.
-        node["extras"] = facts.extras.clone().into();
-        root["nodes"] = json!([node]);
+fn root(facts: &Facts, stride: Stride, parts: &[Vec<Part>], body: u64) -> Value {
+    let names = scalar_names(&facts.scalars, &[], attribute_name);
+    let mut tables = Tables { stride, names, grid: facts.grid, ..Tables::default() };
+    let primitives = parts.iter().map(|parts| parts.iter().map(|part| tables.primitive(part)).collect());
+    let mut root = scene(facts, primitives.collect());
+    if tables.accessors.is_empty() {
         return root;
     }
-    node["mesh"] = 0.into();
-    root["nodes"] = json!([node]);
     root["materials"] = json!([{ "doubleSided": true, "pbrMetallicRoughness": { "metallicFactor": 0 } }]);
-    let names = scalar_names(&facts.scalars, &[], attribute_name);
-    let mut tables = Tables { stride, names, ..Tables::default() };
-    let primitives: Vec<Value> = parts.iter().map(|part| tables.primitive(part)).collect();
-    root["meshes"] = json!([{ "primitives": primitives, "extras": facts.extras }]);
     root["accessors"] = tables.accessors.into();
     root["bufferViews"] = tables.views.into();
     root["buffers"] = json!([{ "byteLength": body }]);
-    if parts.iter().any(|part| part.packed.is_some()) {
+    if parts.iter().flatten().any(|part| part.packed.is_some()) {
         unpacked_nowhere(&mut root, tables.plain);
     }
     root
@@ -153,8 +143,7 @@ pub(crate) fn unpacked_nowhere(root: &mut Value, bytes: u64) {
     if let Some(buffers) = root["buffers"].as_array_mut() {
         buffers.push(buffer);
     }
-    root["extensionsUsed"] = json!([MESHOPT]);
-    root["extensionsRequired"] = json!([MESHOPT]);
+    use_extension(root, MESHOPT, true);
 }
 
 /// The name of an attribute of its own: an underscore and capitals.
@@ -173,6 +162,7 @@ struct Tables {
     stride: Stride,
     /// Attributes of the scalars.
     names: Vec<String>,
+    grid: Option<Grid>,
 }
 
 impl Tables {
@@ -180,35 +170,36 @@ impl Tables {
         let (stride, [vertices, indices]) = (self.stride, part.plain(self.stride));
         let [packed_vertices, packed_indices] = part.packed.map_or([None; 2], |packed| packed.map(Some));
         let view = self.view(vertices, packed_vertices, stride.bytes as u64, part.vertices, true);
-        fn wide(numbers: [f32; 3]) -> [f64; 3] {
-            numbers.map(f64::from)
-        }
-
+        let count = part.vertices;
         let mut attributes = Map::new();
-        let position = json!({
-            "bufferView": view, "componentType": 5126, "type": "VEC3", "count": part.vertices,
-            "min": wide(part.low), "max": wide(part.high),
+        attributes.insert("POSITION".to_owned(), {
+            let (component, [low, high]) = position(self.grid.as_ref(), [part.low, part.high]);
+            self.accessor(json!({
+                "bufferView": view, "componentType": component, "type": "VEC3", "count": count, "min": low, "max": high,
+            }))
         });
-        attributes.insert("POSITION".to_owned(), self.accessor(position));
 
+        let is_small = self.grid.is_some();
         if let Some(offset) = stride.normal {
-            let normal = json!({
-                "bufferView": view, "byteOffset": offset, "componentType": 5126, "type": "VEC3", "count": part.vertices,
-            });
+            let mut normal = json!({ "bufferView": view, "byteOffset": offset, "componentType": 5126, "type": "VEC3", "count": count });
+            if is_small {
+                (normal["componentType"], normal["normalized"]) = (5120.into(), true.into());
+            }
             attributes.insert("NORMAL".to_owned(), self.accessor(normal));
         }
 
         if let Some(offset) = stride.color {
+            let component = if is_small { 5121 } else { 5123 };
             let color = json!({
-                "bufferView": view, "byteOffset": offset, "componentType": 5123, "normalized": true, "type": "VEC4",
-                "count": part.vertices,
+                "bufferView": view, "byteOffset": offset, "componentType": component, "normalized": true, "type": "VEC4",
+                "count": count,
             });
             attributes.insert("COLOR_0".to_owned(), self.accessor(color));
         }
         for (at, name) in self.names.clone().into_iter().enumerate() {
             let scalar = json!({
                 "bufferView": view, "byteOffset": stride.scalars + 4 * at, "componentType": 5126, "type": "SCALAR",
-                "count": part.vertices,
+                "count": count,
             });
             attributes.insert(name, self.accessor(scalar));
         }

@@ -1,9 +1,10 @@
-//! GLB with `EXT_meshopt_compression`, in pieces. How long a piece becomes is known when it is compressed, and comes in front of all of them: so
+//! glTF with `EXT_meshopt_compression`, in pieces. How long a piece becomes is known when it is compressed, and comes in front of all of them: so
 //! a first pass over the mesh measures, and a second one writes.
 
+use crate::container::Container;
 use crate::error::{ExportError, expect};
-use crate::glb::failed;
-use crate::gltf::{Facts, Part, front, padded};
+use crate::gltf::{Facts, Part, document, padded};
+use crate::grid::Grid;
 use crate::vertex::{Interleave, Stride};
 use bytemuck::Pod;
 use chpm_mesh::{Aabb, Attributes, VertexSlices};
@@ -19,13 +20,14 @@ const CODEC: i32 = 0;
 pub struct PackedGlb {
     facts: Facts,
     attributes: Attributes,
-    parts: Vec<Part>,
+    parts: Vec<Vec<Part>>,
 }
 
 /// Writes the pieces that were measured.
 pub struct PackedGlbWriter<W: Write> {
-    writer: W,
+    container: Container<W>,
     attributes: Attributes,
+    grid: Option<Grid>,
     parts: std::vec::IntoIter<Part>,
 }
 
@@ -33,7 +35,7 @@ impl PackedGlb {
     /// No piece yet. Named scalars are left out: the codec packs vertices of few lengths.
     pub fn new(mut facts: Facts, attributes: Attributes) -> Self {
         facts.scalars.clear();
-        PackedGlb { facts, attributes, parts: Vec::new() }
+        PackedGlb { facts, attributes, parts: vec![Vec::new()] }
     }
 
     /// Takes the next piece into account.
@@ -41,34 +43,47 @@ impl PackedGlb {
     /// # Errors
     /// [`ExportError::Compression`].
     pub fn measure(&mut self, vertices: VertexSlices<'_>, triangles: &[[u32; 3]]) -> Result<(), ExportError> {
-        let packed = compressed(self.attributes, vertices, triangles)?.map(|bytes| bytes.len() as u64);
-        self.parts.push(part(vertices, triangles, packed));
+        let packed = compressed((self.attributes, self.facts.grid), vertices, triangles)?
+            .map(|bytes| bytes.len() as u64);
+        let level = self.parts.len() - 1;
+        self.parts[level].push(part(vertices, triangles, packed));
         Ok(())
+    }
+
+    /// Goes on to the next level.
+    pub fn next_level(&mut self) {
+        self.parts.push(Vec::new());
     }
 
     /// Writes all that is in front of the pieces.
     ///
     /// # Errors
-    /// [`ExportError::TooLarge`] beyond the 4 GiB that a GLB may have; [`ExportError::Write`].
-    pub fn begin<W: Write>(self, mut writer: W) -> Result<PackedGlbWriter<W>, ExportError> {
-        let front = front(&self.facts, self.attributes, &self.parts)?;
-        writer.write_all(&front).map_err(failed)?;
-        Ok(PackedGlbWriter { writer, attributes: self.attributes, parts: self.parts.into_iter() })
+    /// [`ExportError::Count`] for other levels than the facts are of; [`ExportError::TooLarge`] beyond the 4 GiB that a GLB may have; [`ExportError::Write`].
+    pub fn begin<W: Write>(self, mut container: Container<W>) -> Result<PackedGlbWriter<W>, ExportError> {
+        expect("levels", self.facts.levels.len() as u64, self.parts.len() as u64)?;
+        let (root, body) = document(&self.facts, self.attributes, &self.parts);
+        container.begin(root, body)?;
+        Ok(PackedGlbWriter {
+            container,
+            attributes: self.attributes,
+            grid: self.facts.grid,
+            parts: self.parts.concat().into_iter(),
+        })
     }
 }
 
 impl<W: Write> PackedGlbWriter<W> {
-    /// Writes the next piece, the same as it was measured.
+    /// Writes the next piece of all levels, the same as it was measured.
     ///
     /// # Errors
     /// [`ExportError::Count`] if it is another one; [`ExportError::Compression`]; [`ExportError::Write`].
     pub fn write(&mut self, vertices: VertexSlices<'_>, triangles: &[[u32; 3]]) -> Result<(), ExportError> {
         let measured = self.parts.next().and_then(|part| part.packed).unwrap_or_default();
-        let packed = compressed(self.attributes, vertices, triangles)?;
+        let packed = compressed((self.attributes, self.grid), vertices, triangles)?;
         for (mut bytes, measured) in packed.into_iter().zip(measured) {
             expect("bytes of a piece", measured, bytes.len() as u64)?;
             bytes.resize(padded(measured) as usize, 0);
-            self.writer.write_all(&bytes).map_err(failed)?;
+            self.container.write(&bytes)?;
         }
         Ok(())
     }
@@ -77,10 +92,9 @@ impl<W: Write> PackedGlbWriter<W> {
     ///
     /// # Errors
     /// [`ExportError::Count`] if pieces are missing; [`ExportError::Write`].
-    pub fn finish(mut self) -> Result<W, ExportError> {
+    pub fn finish(self) -> Result<Container<W>, ExportError> {
         expect("pieces", 0, self.parts.len() as u64)?;
-        self.writer.flush().map_err(failed)?;
-        Ok(self.writer)
+        self.container.finish()
     }
 }
 
@@ -91,14 +105,16 @@ pub(crate) fn whole(
     vertices: VertexSlices<'_>,
     triangles: &[[u32; 3]],
 ) -> Result<Vec<u8>, ExportError> {
-    let packed = compressed(attributes, vertices, triangles)?;
+    let packed = compressed((attributes, facts.grid), vertices, triangles)?;
     let part = part(vertices, triangles, packed.each_ref().map(|bytes| bytes.len() as u64));
-    let mut glb = front(facts, attributes, &[part])?;
-    for bytes in packed {
-        glb.extend_from_slice(&bytes);
-        glb.resize(padded(glb.len() as u64) as usize, 0);
+    let mut container = Container::Glb(Vec::new());
+    let (root, body) = document(facts, attributes, &[vec![part]]);
+    container.begin(root, body)?;
+    for mut bytes in packed {
+        bytes.resize(padded(bytes.len() as u64) as usize, 0);
+        container.write(&bytes)?;
     }
-    Ok(glb)
+    Ok(container.into_main())
 }
 
 fn part(vertices: VertexSlices<'_>, triangles: &[[u32; 3]], packed: [u64; 2]) -> Part {
@@ -109,14 +125,16 @@ fn part(vertices: VertexSlices<'_>, triangles: &[[u32; 3]], packed: [u64; 2]) ->
 
 /// Vertices and indices.
 fn compressed(
-    attributes: Attributes,
+    (attributes, grid): (Attributes, Option<Grid>),
     vertices: VertexSlices<'_>,
     triangles: &[[u32; 3]],
 ) -> Result<[Vec<u8>; 2], ExportError> {
     let mut plain = Vec::new();
-    Interleave::new(attributes, &[]).append(vertices, &mut plain);
-    let packed = match Stride::of(attributes, 0).bytes {
+    Interleave::new(attributes, &[], grid).append(vertices, &mut plain);
+    let packed = match Stride::of(attributes, 0, grid.is_some()).bytes {
+        8 => packed_vertices(bytemuck::cast_slice::<u8, [u8; 8]>(&plain)),
         12 => packed_vertices(bytemuck::cast_slice::<u8, [u8; 12]>(&plain)),
+        16 => packed_vertices(bytemuck::cast_slice::<u8, [u8; 16]>(&plain)),
         20 => packed_vertices(bytemuck::cast_slice::<u8, [u8; 20]>(&plain)),
         24 => packed_vertices(bytemuck::cast_slice::<u8, [u8; 24]>(&plain)),
         _ => packed_vertices(bytemuck::cast_slice::<u8, [u8; 32]>(&plain)),

@@ -1,9 +1,12 @@
-//! GLB with images: parts of a mesh, each with an image of its own.
+//! glTF with images: parts of a mesh, each with an image of its own.
 
+use crate::container::{Container, uri};
 use crate::error::{ExportError, expect};
-use crate::glb::failed;
-use crate::gltf::{Facts, MESHOPT, Part, framed, padded, unpacked_nowhere};
+use crate::gltf::{Facts, MESHOPT, Part, padded, position, unpacked_nowhere};
+use crate::grid::Grid;
 use crate::packed_glb::{packed_indices, packed_vertices};
+use crate::scene::document;
+use crate::vertex::{small_direction, small_position, unit};
 use bytemuck::Pod;
 use chpm_mesh::Aabb;
 use serde_json::{Value, json};
@@ -37,9 +40,9 @@ pub struct TexturedPart {
 /// Where the image of a part is.
 #[derive(Clone, PartialEq, Debug)]
 pub enum PartImage {
-    /// In the GLB: its bytes.
+    /// In the buffer: its bytes.
     Inside(Vec<u8>),
-    /// In a file beside the GLB: its name.
+    /// In a file beside it: its name.
     Beside(String),
 }
 
@@ -85,6 +88,7 @@ struct Tables<'a> {
     stored: u64,
     plain: u64,
     is_packed: bool,
+    grid: Option<Grid>,
 }
 
 impl<'a> Tables<'a> {
@@ -124,14 +128,75 @@ impl<'a> Tables<'a> {
         self.accessors.len() - 1
     }
 
-    fn vertices<T: Pod>(&mut self, items: &'a [T], kind: &str) -> Result<usize, ExportError> {
+    /// Rows of numbers of a kind; small ones have bytes that are no numbers.
+    fn vertices<T: Pod>(&mut self, items: Cow<'a, [T]>, kind: &str) -> Result<usize, ExportError> {
+        let count = items.len();
         let view = match self.is_packed {
-            true => self.packed(packed_vertices(items)?, [items.len(), size_of::<T>()], "ATTRIBUTES"),
-            false => self.view(bytemuck::cast_slice::<T, u8>(items), Some(ARRAY)),
+            true => self.packed(packed_vertices(&items)?, [count, size_of::<T>()], "ATTRIBUTES"),
+            false => {
+                let bytes: Cow<'a, [u8]> = match items {
+                    Cow::Borrowed(items) => bytemuck::cast_slice::<T, u8>(items).into(),
+                    Cow::Owned(items) => bytemuck::cast_slice::<T, u8>(&items).to_vec().into(),
+                };
+                self.view(bytes, Some(ARRAY))
+            }
         };
-        let accessor =
-            json!({ "bufferView": view, "componentType": 5126, "type": kind, "count": items.len() });
+        let accessor = json!({ "bufferView": view, "componentType": 5126, "type": kind, "count": count });
         Ok(self.accessor(accessor))
+    }
+
+    /// Tells that rows are small: of a component type, so many bytes from one to the next.
+    fn tell_small(&mut self, accessor: usize, component: u32, step: usize) {
+        self.accessors[accessor]["componentType"] = component.into();
+        if let Some(view) = self.accessors[accessor]["bufferView"].as_u64() {
+            self.views[view as usize]["byteStride"] = step.into();
+        }
+    }
+
+    /// Positions, normals and places of a part.
+    fn attributes(&mut self, part: &'a TexturedPart) -> Result<Value, ExportError> {
+        let count = part.positions.len() as u64;
+        expect("places in images", count, part.places.len() as u64)?;
+        let grid = self.grid;
+        let at = match &grid {
+            Some(grid) => {
+                let small = part.positions.iter().map(|at| small_position(grid, *at)).collect::<Vec<_>>();
+                let at = self.vertices(small.into(), "VEC3")?;
+                self.tell_small(at, 5123, 8);
+                at
+            }
+            None => self.vertices(part.positions.as_slice().into(), "VEC3")?,
+        };
+        let bounds = Aabb::of_points(&part.positions);
+        let (_, [low, high]) = position(grid.as_ref(), [bounds.min, bounds.max]);
+        (self.accessors[at]["min"], self.accessors[at]["max"]) = (low, high);
+        let mut attributes = json!({ "POSITION": at });
+        if !part.normals.is_empty() {
+            expect("normals", count, part.normals.len() as u64)?;
+            let at = if grid.is_some() {
+                let small =
+                    part.normals.iter().map(|normal| small_direction(unit(*normal))).collect::<Vec<_>>();
+                let at = self.vertices(small.into(), "VEC3")?;
+                self.tell_small(at, 5120, 4);
+                self.accessors[at]["normalized"] = true.into();
+                at
+            } else {
+                self.vertices(part.normals.as_slice().into(), "VEC3")?
+            };
+            attributes["NORMAL"] = at.into();
+        }
+        attributes["TEXCOORD_0"] = self.vertices(part.places.as_slice().into(), "VEC2")?.into();
+        Ok(attributes)
+    }
+
+    fn image(&mut self, part: &'a TexturedPart) -> Value {
+        match &part.image {
+            PartImage::Inside(bytes) => {
+                let kind = if part.is_png { "image/png" } else { "image/jpeg" };
+                json!({ "bufferView": self.view(bytes.as_slice(), None), "mimeType": kind })
+            }
+            PartImage::Beside(name) => json!({ "uri": uri(name) }),
+        }
     }
 
     fn corners(&mut self, part: &'a TexturedPart) -> Result<usize, ExportError> {
@@ -155,63 +220,37 @@ impl<'a> Tables<'a> {
     }
 }
 
-/// Writes a GLB of parts; `is_packed` with `EXT_meshopt_compression`.
+/// Writes a glTF of the parts of each level; `is_packed` with `EXT_meshopt_compression`.
 ///
 /// # Errors
-/// [`ExportError::Count`] for parts of other lengths; [`ExportError::TooLarge`] beyond the 4 GiB that a GLB may have; [`ExportError::Compression`];
+/// [`ExportError::Count`] for parts of other lengths, and for other levels than the facts are of; [`ExportError::TooLarge`] beyond the 4 GiB that a GLB may have; [`ExportError::Compression`];
 /// [`ExportError::Write`].
 pub fn write_textured<W: Write>(
-    mut writer: W,
+    mut container: Container<W>,
     facts: &Facts,
-    parts: &[TexturedPart],
+    levels: &[Vec<TexturedPart>],
     is_packed: bool,
-) -> Result<W, ExportError> {
-    let (mut tables, mut primitives) = (Tables { is_packed, ..Tables::default() }, Vec::new());
+) -> Result<Container<W>, ExportError> {
+    expect("levels", facts.levels.len() as u64, levels.len() as u64)?;
+    let mut tables = Tables { is_packed, grid: facts.grid, ..Tables::default() };
     let (mut images, mut materials) = (Vec::new(), Vec::new());
-    let shown = || parts.iter().filter(|part| !part.triangles.is_empty());
-    for (number, part) in shown().enumerate() {
-        let count = part.positions.len() as u64;
-        expect("places in images", count, part.places.len() as u64)?;
-        let position = tables.vertices(&part.positions, "VEC3")?;
-        let bounds = Aabb::of_points(&part.positions);
-        (tables.accessors[position]["min"], tables.accessors[position]["max"]) =
-            (json!(bounds.min.map(f64::from)), json!(bounds.max.map(f64::from)));
-        let mut attributes = json!({ "POSITION": position });
-        if !part.normals.is_empty() {
-            expect("normals", count, part.normals.len() as u64)?;
-            attributes["NORMAL"] = tables.vertices(&part.normals, "VEC3")?.into();
+    let mut primitives = Vec::new();
+    for parts in levels {
+        let mut level = Vec::new();
+        for part in parts.iter().filter(|part| !part.triangles.is_empty()) {
+            let (attributes, indices) = (tables.attributes(part)?, tables.corners(part)?);
+            let number = materials.len();
+            level.push(json!({ "attributes": attributes, "indices": indices, "material": number }));
+            images.push(tables.image(part));
+            materials.push(material(part, number));
         }
-        attributes["TEXCOORD_0"] = tables.vertices(&part.places, "VEC2")?.into();
-        let indices = tables.corners(part)?;
-        primitives.push(json!({ "attributes": attributes, "indices": indices, "material": number }));
-
-        images.push(match &part.image {
-            PartImage::Inside(bytes) => {
-                let kind = if part.is_png { "image/png" } else { "image/jpeg" };
-                json!({ "bufferView": tables.view(bytes.as_slice(), None), "mimeType": kind })
-            }
-            PartImage::Beside(name) => json!({ "uri": name }),
-        });
-        let mut material = json!({
-            "doubleSided": true,
-            "pbrMetallicRoughness": { "metallicFactor": 0, "baseColorTexture": { "index": number } },
-        });
-        if part.is_png {
-            material["alphaMode"] = if part.is_blended { "BLEND" } else { "MASK" }.into();
-        }
-        materials.push(material);
+        primitives.push(level);
     }
 
-    let mut node = facts.placement.node();
-    let asset = json!({ "version": "2.0", "generator": facts.generator });
-    let mut root = json!({ "asset": asset, "scene": 0, "scenes": [{ "nodes": [0] }] });
-    if primitives.is_empty() {
-        node["extras"] = facts.extras.clone().into();
-    } else {
-        node["mesh"] = 0.into();
+    let mut root = document(facts, primitives);
+    if !materials.is_empty() {
         let textures: Vec<Value> =
-            (0..primitives.len()).map(|at| json!({ "source": at, "sampler": 0 })).collect();
-        root["meshes"] = json!([{ "primitives": primitives, "extras": facts.extras }]);
+            (0..materials.len()).map(|at| json!({ "source": at, "sampler": 0 })).collect();
         root["textures"] = textures.into();
         // Linear, with mip-maps; nothing repeats.
         root["samplers"] = json!([{ "magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071 }]);
@@ -224,14 +263,25 @@ pub fn write_textured<W: Write>(
             unpacked_nowhere(&mut root, tables.plain);
         }
     }
-    root["nodes"] = json!([node]);
-    writer.write_all(&framed(&root, tables.stored)?).map_err(failed)?;
+    container.begin(root, tables.stored)?;
     for block in tables.blocks {
         let zeros = padded(block.len() as u64) as usize - block.len();
-        writer.write_all(&block).and_then(|()| writer.write_all(&[0; 4][..zeros])).map_err(failed)?;
+        container.write(&block)?;
+        container.write(&[0; 4][..zeros])?;
     }
-    writer.flush().map_err(failed)?;
-    Ok(writer)
+    container.finish()
+}
+
+/// The material of a part, which shows the texture of this number.
+fn material(part: &TexturedPart, number: usize) -> Value {
+    let mut material = json!({
+        "doubleSided": true,
+        "pbrMetallicRoughness": { "metallicFactor": 0, "baseColorTexture": { "index": number } },
+    });
+    if part.is_png {
+        material["alphaMode"] = if part.is_blended { "BLEND" } else { "MASK" }.into();
+    }
+    material
 }
 
 fn index_len(part: &TexturedPart) -> u64 {
@@ -242,15 +292,16 @@ fn index_len(part: &TexturedPart) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Placement;
+    use crate::{Level, Placement};
 
     #[test]
     fn views_are_where_their_bytes_are() {
         let facts = Facts {
             generator: "test".to_owned(),
             placement: Placement::HERE,
-            extras: serde_json::Map::new(),
+            levels: vec![Level::default()],
             scalars: Vec::new(),
+            grid: None,
         };
         let part = |x: f32, image: &[u8]| TexturedPart {
             positions: vec![[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x, 1.0, -2.0]],
@@ -262,7 +313,8 @@ mod tests {
             is_blended: x > 0.0,
         };
         let parts = [part(0.0, b"first"), part(7.0, b"second!")];
-        let bytes = write_textured(Vec::new(), &facts, &parts, false).unwrap();
+        let bytes =
+            write_textured(Container::Glb(Vec::new()), &facts, &[parts.to_vec()], false).unwrap().into_main();
         let len = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
         let json: Value = serde_json::from_slice(&bytes[20..20 + len]).unwrap();
         assert_eq!(u32::from_le_bytes(bytes[8..12].try_into().unwrap()) as usize, bytes.len());
@@ -283,7 +335,8 @@ mod tests {
         }
 
         // Packed, views unpack to the same.
-        let bytes = write_textured(Vec::new(), &facts, &parts, true).unwrap();
+        let bytes =
+            write_textured(Container::Glb(Vec::new()), &facts, &[parts.to_vec()], true).unwrap().into_main();
         let len = len_of(&bytes);
         let json: Value = serde_json::from_slice(&bytes[20..20 + len]).unwrap();
         assert_eq!(json["buffers"][1]["extensions"][MESHOPT]["fallback"], true);
@@ -307,7 +360,7 @@ mod tests {
         let mut wrong = part(0.0, b"");
         wrong.places.pop();
         assert!(matches!(
-            write_textured(Vec::new(), &facts, &[wrong], false),
+            write_textured(Container::Glb(Vec::new()), &facts, &[vec![wrong]], false),
             Err(ExportError::Count { .. })
         ));
     }

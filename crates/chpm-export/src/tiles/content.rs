@@ -1,10 +1,12 @@
 //! The mesh of a tile.
 
 use super::{Options, SharedNormals, tile_path};
+use crate::container::Container;
 use crate::error::ExportError;
-use crate::glb::GlbWriter;
+use crate::glb::{Extent, GlbWriter};
 use crate::gltf::Facts;
 use crate::packed_glb;
+use crate::scene::Level;
 use crate::textured::{Charted, PartImage, TexturedPart, write_textured};
 use chpm_format::{Chpm, ErrorKind, ImageCodec, Page, Sheet};
 use chpm_mesh::{Aabb, Attributes, ClusterId, Places, TriMesh, pm};
@@ -76,8 +78,9 @@ pub fn tile<D: AsRef<[u8]>>(
     let facts = Facts {
         generator: options.generator.clone(),
         placement: options.placement(),
-        extras: facts(file, cluster, error),
+        levels: vec![Level { extras: facts(file, cluster, error), coverage: 0.0 }],
         scalars: Vec::new(),
+        grid: None,
     };
     if let Some(sheet) = file.sheet(cluster)? {
         let charts = page.triangles.iter().zip(&sheet.layout.chart_of);
@@ -88,7 +91,8 @@ pub fn tile<D: AsRef<[u8]>>(
             _ => PartImage::Beside(last(&image_path(cluster, &sheet)).to_owned()),
         };
         let part = textured(&mesh, shown.map(|(_, chart)| *chart), &sheet, image);
-        let glb = write_textured(Vec::new(), &facts, &[part], options.packed)?;
+        let glb =
+            write_textured(Container::Glb(Vec::new()), &facts, &[vec![part]], options.packed)?.into_main();
         return Ok((glb, mesh.triangles.len() as u64));
     }
     let stored = file.header().attributes().decoded();
@@ -110,10 +114,11 @@ pub(super) fn content(
 
     let bounds = Aabb::of_points(&mesh.positions);
     let (vertices, triangles) = (mesh.positions.len() as u64, mesh.triangles.len() as u64);
-    let mut glb = GlbWriter::new(Vec::new(), facts, attributes, vertices, triangles, &bounds)?;
+    let extent = Extent { vertices, triangles, bounds };
+    let mut glb = GlbWriter::new(Container::Glb(Vec::new()), facts, attributes, &[extent])?;
     glb.vertices(mesh.view())?;
     glb.triangles(&mesh.triangles)?;
-    glb.finish()
+    Ok(glb.finish()?.into_main())
 }
 
 /// A mesh over its sheet, given the chart of each of its triangles. Colours of vertices are left out: the image has them.

@@ -3,14 +3,14 @@
 use super::content::content;
 use super::{Mesh, Options, SharedNormals, Tree, tile, tile_path, tilesets};
 use crate::gltf::Facts;
-use crate::{ExportError, Turn};
+use crate::{ExportError, Level, Turn};
 use chpm_build::config::Length;
 use chpm_build::{BuildConfig, Cancel, Resources, Settings, Silent, build};
 use chpm_format::Chpm;
 use chpm_import::ply::{Encoding, write_mesh};
 use chpm_mesh::{Attributes, Bytes, ClusterId, TriMesh};
 use chpm_synth::{Shape, Synth, hand};
-use serde_json::{Map, Value};
+use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
 
@@ -375,8 +375,13 @@ fn boxes_of_flat_models_have_three_axes_in_single_precision() {
 #[test]
 fn a_tile_of_nothing_is_never_packed() {
     let placement = options(false, 1).placement();
-    let facts =
-        Facts { generator: "test".to_owned(), placement, extras: Map::default(), scalars: Vec::new() };
+    let facts = Facts {
+        generator: "test".to_owned(),
+        placement,
+        levels: vec![Level::default()],
+        scalars: Vec::new(),
+        grid: None,
+    };
     let of = |packed| content(&facts, Attributes::default(), &TriMesh::default(), packed).unwrap();
     assert_eq!(of(true), of(false));
 }
