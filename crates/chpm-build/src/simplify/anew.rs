@@ -30,17 +30,17 @@ impl Look {
         match bounds {
             // So that it takes about the same part of a build's time.
             Bounds::Quick => Look {
-                most: (source / 8).min((source / 100).clamp(12_500, 1 << 14)),
+                most: (source / 100).clamp(4500, 1 << 14).min(source / 16),
                 coarsest: 1 << 14,
                 limits: Limits {
-                    ratio: if source < 1_500_000 { 16 } else { 6 },
-                    pieces: (2 * source).clamp(100_000, 250_000).max(source / 8),
+                    ratio: if source < 4_000_000 { 12 } else { 6 },
+                    pieces: source.clamp(1 << 16, 150_000).max(source / 8),
                 },
             },
             Bounds::Tight => Look {
                 most: TIGHT_BELOW,
                 coarsest: TIGHT_BELOW,
-                limits: Limits { ratio: 2, pieces: 20_000_000 },
+                limits: Limits { ratio: 2, pieces: 5_000_000 },
             },
         }
     }

@@ -28,8 +28,9 @@ use tree::BoxTree;
 /// Share of the largest coordinate that rounding can hide, with much room.
 const LOSS: f64 = 1.0 / (1u64 << 44) as f64;
 
-/// Triangles over a face that take the time of a piece.
-const TRIANGLES: u64 = 8;
+/// Triangles over a face that take the time of a piece, and those that are only looked at.
+const TRIANGLES: usize = 8;
+const LOOKED_AT: usize = 128;
 
 /// Faces that take the time of a piece.
 const FACES: u64 = 16;
@@ -373,7 +374,7 @@ impl<'a> Cover<'a> {
         let corners = self.targets[face as usize].corners;
         let over =
             self.over.iter().map(|triangle| (*triangle, self.reference_targets[*triangle as usize].corners));
-        self.pieces.count += self.over.len() as u64 / TRIANGLES;
+        self.pieces.count += (self.over.len() / TRIANGLES) as u64;
         let held = self.chain.hold(&corners, self.reference, over, self.reached, self.loss);
         let far = match held {
             Some(beyond) => {
@@ -396,11 +397,14 @@ impl<'a> Cover<'a> {
         self.seen_triangles.begin();
         self.seen_faces.begin();
         self.over.clear();
+        let mut visited = 0;
         for vertex in self.mesh.faces[face as usize].corners {
             for wing in self.mesh.all_wings(vertex) {
+                visited += 1;
                 if !self.seen_faces.is_new(wing.face) {
                     continue;
                 }
+                visited += self.held[wing.face as usize].len();
                 let held = self.held[wing.face as usize].iter();
                 for triangle in
                     held.filter(|triangle| meet(&self.reference_boxes[**triangle as usize], &around))
@@ -411,6 +415,7 @@ impl<'a> Cover<'a> {
                 }
             }
         }
+        self.pieces.count += (visited / LOOKED_AT) as u64;
     }
 
     /// How far a face, or part of one, is from the nearest of the reference, at most; what is within `allowed` is not looked at more closely.
