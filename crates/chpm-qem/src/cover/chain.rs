@@ -45,13 +45,17 @@ struct Frame {
     normal: Vector3<f64>,
     /// How far a point of the face is from the smaller one.
     beyond: f64,
+    /// How many times more rounding moves what is measured by these axes: the thinner the face, the less they tell apart.
+    stretch: f64,
 }
 
 impl Frame {
     /// None for a face without an area.
     fn new(corners: &[Point3<f64>; 3]) -> Option<Self> {
         let [a, b, c] = *corners;
-        let normal = (b - a).cross(&(c - a)).try_normalize(0.0)?;
+        let across = (b - a).cross(&(c - a));
+        let normal = across.try_normalize(0.0)?;
+        let longest = (b - a).norm_squared().max((c - a).norm_squared()).max((c - b).norm_squared());
         let mut inward = [Vector3::zeros(); 3];
         for (i, inward) in inward.iter_mut().enumerate() {
             *inward = normal.cross(&(corners[(i + 1) % 3] - corners[i])).try_normalize(0.0)?;
@@ -63,7 +67,8 @@ impl Frame {
             let at = |point: &Point3<f64>| inward[i].dot(&(point - a));
             margins[i] = at(&corners[i]) + SHRUNK * (at(&middle) - at(&corners[i]));
         }
-        Some(Frame { origin: a, inward, margins, normal, beyond: SHRUNK * beyond })
+        let stretch = longest / across.norm();
+        Some(Frame { origin: a, inward, margins, normal, beyond: SHRUNK * beyond, stretch })
     }
 
     /// A triangle over the face; none if it is beside, or all of it farther than `far` from the plane on one side.
@@ -112,7 +117,9 @@ impl Chain {
         loss: f64,
     ) -> Option<f64> {
         let frame = Frame::new(face)?;
-        let allowed = allowed - frame.beyond;
+        let loss = loss * frame.stretch;
+        let beyond = frame.beyond + 4.0 * loss;
+        let allowed = allowed - beyond;
         self.sheet.clear();
         self.edges.clear();
         self.steep.clear();
@@ -135,7 +142,7 @@ impl Chain {
             }
             self.sheet.push(over);
         }
-        (self.is_whole(loss) && self.is_over(&frame, face, loss)).then_some(frame.beyond)
+        (self.is_whole(loss) && self.is_over(&frame, face, loss)).then_some(beyond)
     }
 
     /// Whether no outer edge passes over the smaller face.
