@@ -308,7 +308,7 @@ fn bounds_that_are_tight_are_smaller_and_hold() {
     folder.stdout("build in.ply -o tight.chpm -q --bounds tight --threads 1");
     folder.stdout("build in.ply -o same.chpm -q --bounds tight --threads 3 --memory 128M");
     assert!(folder.read("tight.chpm") == folder.read("same.chpm"));
-    for share in ["3%", "1%"] {
+    for share in ["1%", "0.5%"] {
         let [quick, tight] =
             ["in", "tight"].map(|name| triangles(&folder, &format!("extract {name}.chpm --error {share}")));
         assert!(10 * tight < 9 * quick, "{share}: {tight}, {quick}");

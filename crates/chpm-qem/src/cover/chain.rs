@@ -40,7 +40,7 @@ pub(crate) struct Chain {
 struct Frame {
     origin: Point3<f64>,
     inward: [Vector3<f64>; 3],
-    /// What is outside of a smaller face's edges, along the axes.
+    /// Where the smaller face's edges are along the axes.
     margins: [f64; 3],
     normal: Vector3<f64>,
     /// How far a point of the face is from the smaller one.

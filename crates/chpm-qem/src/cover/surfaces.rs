@@ -1,4 +1,4 @@
-//! What points and pieces are held against.
+//! Surfaces that points and pieces are held against.
 
 use super::pieces::Surface;
 use super::target::Target;
