@@ -76,8 +76,8 @@ impl Frame {
     fn over(&self, corners: &[Point3<f64>; 3], far: f64, loss: f64) -> Option<[Over; 3]> {
         let ways = corners.map(|corner| corner - self.origin);
         let mut over = [[0.0; 7]; 3];
-        for edge in 0..3 {
-            let inside = ways.map(|way| self.inward[edge].dot(&way) - self.margins[edge]);
+        for (edge, (inward, margin)) in self.inward.iter().zip(self.margins).enumerate() {
+            let inside = ways.map(|way| inward.dot(&way) - margin);
             if inside.iter().all(|inside| *inside < -loss) {
                 return None;
             }
