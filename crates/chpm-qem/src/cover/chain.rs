@@ -10,7 +10,7 @@ use nalgebra::{Point3, Vector3};
 /// The face is taken smaller by this share, about its middle: so that what meets it along its edges alone does not count as over it.
 const SHRUNK: f64 = 1.0 / 1024.0;
 
-/// Where triangles are counted, as weights of the corners: the second if one's edge is at the first.
+/// Where triangles are counted, as weights of the corners: at the second place if an edge is too close to the first.
 const PLACES: [[f64; 3]; 2] = [[0.37, 0.34, 0.29], [0.28, 0.31, 0.41]];
 
 /// Triangles whose corners are all farther from the plane than this many times what is allowed, on one side, are of another sheet.
@@ -106,8 +106,8 @@ impl Frame {
 }
 
 impl Chain {
-    /// Shows that no point of the face is farther from the triangles, each with its error, than the sum of `allowed` and the answer, but for points of the parts that are
-    /// `steep`; these are all of the face but the answer. None if the triangles are not shown to cover it. `loss` is more than rounding hides.
+    /// Holds a face against triangles, each with its error; none if these are not shown to cover it. Points of the face are then within `allowed` of the triangles, or
+    /// within the answer of a part that is `steep`. `loss` is more than rounding hides.
     pub(crate) fn hold(
         &mut self,
         face: &[Point3<f64>; 3],
