@@ -1,5 +1,6 @@
 //! A place on the earth, and the frame there: east, north, up.
 
+use crate::crs::Crs;
 use crate::report::count;
 use clap::ValueEnum;
 use std::str::FromStr;
@@ -39,18 +40,24 @@ pub(crate) enum At {
 }
 
 /// A model on the earth.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Placed {
     /// From the model, z upward, to earth-centred coordinates, column by column.
     pub(crate) matrix: [f64; 16],
+    /// Where it is by its coordinates, if these are of a system.
+    pub(crate) crs: Option<Crs>,
     /// Where that is not on the ground.
     pub(crate) warning: Option<String>,
 }
 
 impl Placed {
     /// Longitude and latitude in degrees, and height above the ellipsoid, of a point of the model.
-    pub(crate) fn geodetic(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
-        geodetic(applied(&self.matrix, [x, y, z]))
+    pub(crate) fn geodetic(&self, point: [f64; 3]) -> [f64; 3] {
+        match &self.crs {
+            // The whole box was looked at when it was placed.
+            Some(crs) => crs.geodetic(point).unwrap_or([f64::NAN; 3]),
+            None => geodetic(applied(&self.matrix, point)),
+        }
     }
 }
 
@@ -77,18 +84,28 @@ impl Georeference {
             };
             format!("the model begins {away} km from its --origin, and reaches {to} km {side} the ellipsoid: {remedy}")
         });
-        Placed { matrix: self.frame_about(about), warning }
+        Placed { matrix: self.frame_about(about), crs: None, warning }
     }
 
     /// Matrix from metres to the east, to the north and upward from here to earth-centred coordinates, column by column.
     pub(crate) fn frame(self) -> [f64; 16] {
-        let ((so, co), (sa, ca)) =
-            (self.longitude.to_radians().sin_cos(), self.latitude.to_radians().sin_cos());
-        let across = EQUATOR / (1.0 - ECCENTRICITY * sa * sa).sqrt();
-        let level = (across + self.height) * ca;
-        let (x, y, z) = (level * co, level * so, (across * (1.0 - ECCENTRICITY) + self.height) * sa);
-        [-so, co, 0.0, 0.0, -sa * co, -sa * so, ca, 0.0, ca * co, ca * so, sa, 0.0, x, y, z, 1.0]
+        frame_at([self.longitude, self.latitude, self.height])
     }
+}
+
+/// Matrix from metres to the east, to the north and upward from a place, in degrees and metres, to earth-centred coordinates, column by column.
+pub(crate) fn frame_at(place: [f64; 3]) -> [f64; 16] {
+    let [(so, co), (sa, ca)] = [place[0], place[1]].map(|degrees| degrees.to_radians().sin_cos());
+    let [x, y, z] = earth_centred(place);
+    [-so, co, 0.0, 0.0, -sa * co, -sa * so, ca, 0.0, ca * co, ca * so, sa, 0.0, x, y, z, 1.0]
+}
+
+/// Coordinates about the middle of the earth of a place, in degrees and metres above the ellipsoid.
+pub(crate) fn earth_centred([longitude, latitude, height]: [f64; 3]) -> [f64; 3] {
+    let [(so, co), (sa, ca)] = [longitude, latitude].map(|degrees: f64| degrees.to_radians().sin_cos());
+    let across = EQUATOR / (1.0 - ECCENTRICITY * sa * sa).sqrt();
+    let level = (across + height) * ca;
+    [level * co, level * so, (across * (1.0 - ECCENTRICITY) + height) * sa]
 }
 
 impl Georeference {

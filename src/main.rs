@@ -19,6 +19,7 @@ mod compare;
 mod config;
 #[cfg(feature = "web")]
 mod connections;
+mod crs;
 mod digest;
 mod escape;
 mod examples;

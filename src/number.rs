@@ -27,6 +27,12 @@ pub(crate) fn decimal(text: &str) -> Result<f64, String> {
     asked::decimal(text).map_err(|error| error.to_string())
 }
 
+/// A finite number.
+pub(crate) fn finite(text: &str) -> Result<f64, String> {
+    let number = text.trim().parse().ok().filter(|x: &f64| x.is_finite());
+    number.ok_or_else(|| format!("'{text}' is no number"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,5 +1,6 @@
 //! How a model is shown, as somebody says or as its file tells: its title, how it stands, who is credited.
 
+use crate::crs::Crs;
 use chpm_format::shown;
 use chpm_refine::{Side, Up};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -42,6 +43,9 @@ pub(crate) struct ShownArgs {
     /// The colour behind the model
     #[arg(long, value_name = "RRGGBB", hide_short_help = true, value_parser = color)]
     background: Option<String>,
+    /// The system that its coordinates are of, as in EPSG:32633: what export and section take to place it
+    #[arg(long, value_name = "EPSG:CODE", hide_short_help = true)]
+    crs: Option<Crs>,
 }
 
 /// Longest of these texts, bytes.
@@ -74,6 +78,7 @@ impl ShownArgs {
             (shown::VIEW, self.side.map(|side| side.name().to_owned())),
             (shown::CREDIT, self.credit.clone()),
             (shown::BACKGROUND, self.background.clone()),
+            (shown::CRS, self.crs.as_ref().map(Crs::to_string)),
         ];
         told.into_iter().filter_map(|(name, value)| Some((name.to_owned(), value?))).collect()
     }

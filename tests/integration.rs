@@ -28,6 +28,8 @@ mod integration {
     /// Two models in a real window.
     #[cfg(feature = "viewer")]
     mod couple;
+    /// Models in projected coordinates, put where these say on the earth.
+    mod crs;
     /// Boundaries and topology as they are asked for, and random cuts that prove that nothing cracks.
     mod cuts;
     /// The same bytes for any number of threads and any memory.
@@ -117,6 +119,8 @@ mod integration {
     mod texture;
     /// The house rules: which crate may use which, where unsafe code may be, how long a file gets.
     mod tidy;
+    /// Models that lie in several files.
+    mod tiled;
     /// Tilesets, walked as viewers do.
     mod tiles;
     /// `build --trace`: what each thread did when.

@@ -47,7 +47,7 @@ fn take(input: &Path, found: &mut Vec<Model>) -> Result<()> {
     let before = found.len();
 
     if input.is_dir() {
-        walk(input, input, found)?;
+        walk(input, input, &BTreeSet::new(), found)?;
         ensure!(
             found.len() > before,
             "no mesh in the folder '{}' ({})",
@@ -78,8 +78,8 @@ fn take(input: &Path, found: &mut Vec<Model>) -> Result<()> {
     Ok(())
 }
 
-/// The meshes of a folder and those below it; scans that a list there is made of are no models of their own.
-fn walk(root: &Path, folder: &Path, found: &mut Vec<Model>) -> Result<()> {
+/// The meshes of a folder and those below it; `parts`, of which lists there or above are made, are no models of their own.
+fn walk(root: &Path, folder: &Path, parts: &BTreeSet<PathBuf>, found: &mut Vec<Model>) -> Result<()> {
     let unread = || format!("cannot look into '{}'", folder.display());
     let mut entries: Vec<PathBuf> = Vec::new();
     for entry in fs::read_dir(folder).with_context(unread)? {
@@ -94,7 +94,7 @@ fn walk(root: &Path, folder: &Path, found: &mut Vec<Model>) -> Result<()> {
         entries.push(path);
     }
     entries.sort();
-    let mut parts = BTreeSet::new();
+    let mut parts = parts.clone();
     for list in entries.iter().filter(|path| is_list(path)) {
         // What is wrong with a list is told when it is built.
         parts.extend(
@@ -103,7 +103,7 @@ fn walk(root: &Path, folder: &Path, found: &mut Vec<Model>) -> Result<()> {
     }
     for path in entries {
         if path.is_dir() {
-            walk(root, &path, found)?;
+            walk(root, &path, &parts, found)?;
         } else if is_mesh(&path) && !parts.contains(&path) {
             let relative = path.strip_prefix(root).unwrap_or(&path);
             let name = relative.with_file_name(stem(relative)?);
@@ -151,7 +151,7 @@ fn cut(name: &str, is_known: fn(&str) -> bool) -> Option<String> {
 }
 
 fn is_list(path: &Path) -> bool {
-    let lists = FORMATS.iter().filter(|format| format.is_list()).flat_map(|format| format.extensions);
+    let lists = FORMATS.iter().filter(|format| format.is_list).flat_map(|format| format.extensions);
     extension(path).is_some_and(|extension| lists.into_iter().any(|list| *list == extension))
 }
 

@@ -1,8 +1,9 @@
 //! `chpm export`: the whole hierarchy for programs that stream it.
 
 use super::{Verdict, open, reading, stdout};
+use crate::crs::CrsArgs;
 use crate::folder::{OutputFolder, above};
-use crate::georeference::{self, At, Georeference, Placed};
+use crate::georeference::{self, At, Georeference};
 use crate::json::{self, made, named};
 use crate::memory::{self, MemoryArgs};
 use crate::mesh_file;
@@ -53,8 +54,10 @@ pub(crate) struct Args {
     #[arg(long, value_name = "WHERE", value_enum, default_value_t = At::Zero, requires = "origin")]
     origin_at: At,
     /// What takes the model's coordinates, z upward, to those of the world: 16 numbers, column by column
-    #[arg(long, value_name = "M", value_parser = georeference::transform, allow_hyphen_values = true)]
+    #[arg(long, value_name = "M", value_parser = georeference::transform, allow_hyphen_values = true, conflicts_with = "crs")]
     transform: Option<Transform>,
+    #[command(flatten)]
+    crs: CrsArgs,
     /// Levels of the hierarchy in one file of the tileset
     #[arg(long, value_name = "N", default_value_t = Options::SPAN, hide = true, value_parser = number::count(1_u32..=32))]
     span: u32,
@@ -110,10 +113,19 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 fn export(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<()> {
     // Whoever gives a place has coordinates that go to the east, the north and up.
     let is_placed = args.origin.is_some() || args.transform.is_some();
-    let told = args.up.or_else(|| is_placed.then(|| Up::nearest([0.0, 0.0, 1.0].into())));
+    let crs = args.crs.of(file, is_placed)?;
+    let z = Up::nearest([0.0, 0.0, 1.0].into());
+    ensure!(crs.is_none() || args.up.is_none_or(|up| up == z), "z is upward in --crs; leave --up away");
+    let told = args.up.or_else(|| (is_placed || crs.is_some()).then_some(z));
     let upright = Upright::of(file, told)?;
     let turn = upright.turn();
-    let placed = args.origin.map(|place| frame(file, place, turn, args.origin_at));
+    let (placed, reprojection) = match (&crs, args.origin) {
+        (Some(crs), _) => {
+            let (placed, reprojection) = crs.place(corners(file, turn))?;
+            (Some(placed), Some(reprojection))
+        }
+        (None, origin) => (origin.map(|place| place.place(args.origin_at, corners(file, turn))), None),
+    };
     let far = placed.as_ref().and_then(|placed| placed.warning.clone());
     let warnings: Vec<String> = far.into_iter().chain(mesh_file::without(file.scalars())).collect();
     warnings.iter().for_each(|warning| line(&format!("warning: {warning}")));
@@ -123,6 +135,7 @@ fn export(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<()> {
         normals: computes(file, args),
         packed: args.meshopt,
         transform: args.transform.or(placed.map(|placed| placed.matrix)),
+        reprojection,
         span: args.span,
     };
     let folder = OutputFolder::create(&args.tiles, args.force, &NAMES, Some(key(file, &options)))?;
@@ -173,14 +186,13 @@ fn export(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<()> {
     Ok(out.flush()?)
 }
 
-fn frame(file: &Chpm<MappedFile>, place: Georeference, turn: Turn, at: At) -> Placed {
+/// Two corners of the box of a model that stands upright.
+fn corners(file: &Chpm<MappedFile>, turn: Turn) -> [[f64; 3]; 2] {
     let header = file.header();
     let Aabb { min, max } = header.aabb();
     // Turned upright, an axis may have its ends the other way round.
     let (a, b) = (there(min, &header.origin, turn), there(max, &header.origin, turn));
-    let corners =
-        [std::array::from_fn(|axis| a[axis].min(b[axis])), std::array::from_fn(|axis| a[axis].max(b[axis]))];
-    place.place(at, corners)
+    [std::array::from_fn(|axis| a[axis].min(b[axis])), std::array::from_fn(|axis| a[axis].max(b[axis]))]
 }
 
 fn there(local: [f32; 3], origin: &[f64; 3], turn: Turn) -> [f64; 3] {

@@ -1,6 +1,7 @@
 //! `chpm section`: the lines that planes cut out of a model.
 
 use super::{Verdict, open, reading};
+use crate::crs::CrsArgs;
 use crate::georeference::{At, Georeference, Placed};
 use crate::json::{self, made, named};
 use crate::memory::{self, MemoryArgs};
@@ -38,7 +39,7 @@ pub(crate) struct Args {
     /// Unit of the model
     #[arg(long, value_name = "UNIT", value_enum)]
     unit: Option<Unit>,
-    /// Write the lines. The name says the format: .svg, to scale, with a scale bar and heights; .dxf, release 12, a layer for each height; .geojson, with --origin;
+    /// Write the lines. The name says the format: .svg, to scale, with a scale bar and heights; .dxf, release 12, a layer for each height; .geojson, with --crs or --origin;
     /// .csv, a row for each point. SVG where it says nothing; - for standard output
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -52,6 +53,8 @@ pub(crate) struct Args {
     /// Which point of the model is at --origin
     #[arg(long, value_name = "WHERE", value_enum, default_value_t = At::Zero, requires = "origin")]
     origin_at: At,
+    #[command(flatten)]
+    crs: CrsArgs,
     /// Replace the output if it exists
     #[arg(short, long)]
     force: bool,
@@ -86,10 +89,10 @@ const WORK: u64 = 24 << 20;
 
 /// Cuts, and writes what is asked for.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
-    let target = args.output.as_deref().map(|path| Target::create(path, args)).transpose()?;
+    let file = open(&args.file)?;
+    let target = args.output.as_deref().map(|path| Target::create(path, args, &file)).transpose()?;
     let out = output::messages(target.as_ref().map(|target| &target.output), args.json, args.quiet)?;
     let cancel = stop.heed();
-    let file = open(&args.file)?;
     let pool = args.threads.pool()?;
     let own = WORK * pool.current_num_threads() as u64;
     let free = memory::divide(&file, args.memory.memory(), own)?;
@@ -105,7 +108,7 @@ struct Target {
 }
 
 impl Target {
-    fn create(path: &Path, args: &Args) -> Result<Self> {
+    fn create(path: &Path, args: &Args, file: &Chpm<MappedFile>) -> Result<Self> {
         let [svg, ..] = output::SECTION;
         let known = |format: &str| output::SECTION.into_iter().find(|writes| writes.format() == format);
         let writes: Option<Writes> = match output::promised(path) {
@@ -120,10 +123,11 @@ impl Target {
             )
         };
         let format = writes.format();
+        let is_told = args.origin.is_some() || args.crs.of(file, false)?.is_some();
         ensure!(
-            format != "GeoJSON" || args.origin.is_some(),
-            "GeoJSON is in longitude and latitude (WGS 84), and a mesh does not say where on the earth it is: add --origin LON,LAT,H, or write SVG, DXF or CSV, \
-             which are in the model's coordinates"
+            format != "GeoJSON" || is_told,
+            "GeoJSON is in longitude and latitude (WGS 84), and a mesh does not say where on the earth it is: add --crs EPSG:CODE or --origin LON,LAT,H, or \
+             write SVG, DXF or CSV, which are in the model's coordinates"
         );
         ensure!(
             args.scale.is_none() || format == "SVG",
@@ -155,7 +159,10 @@ impl Work<'_> {
         let meter = Meter::new(args.quiet);
         let (mesh, preview, mut warnings) = self.mesh(&meter)?;
         let mut slicer = Slicer::new(file, &mesh, &planes);
-        let sheet = self.sheet(&slicer, &planes, every);
+        let mut sheet = self.sheet(&slicer, &planes, every);
+        if target.as_ref().is_some_and(|target| target.format == "GeoJSON") {
+            sheet.placed = self.placed()?;
+        }
         warnings.extend(sheet.placed.iter().filter_map(|placed| placed.warning.clone()));
 
         meter.start("section", slicer.pages().read);
@@ -265,15 +272,22 @@ impl Work<'_> {
             contours: every.map(|Every { axis, step }| (axis, step)),
             decimals: decimals(header.aabb().diagonal()),
             scale: Scale::of([high[0] - low[0], high[1] - low[1]], args.unit, args.scale),
-            placed: args.origin.map(|place| placed(file, place, args.origin_at)),
+            placed: None,
         }
     }
-}
 
-fn placed(file: &Chpm<MappedFile>, place: Georeference, at: At) -> Placed {
-    let (header, aabb) = (file.header(), file.header().aabb());
-    let corner = |corner: [f32; 3]| std::array::from_fn(|axis| f64::from(corner[axis]) + header.origin[axis]);
-    place.place(at, [corner(aabb.min), corner(aabb.max)])
+    /// Where on the earth the model is.
+    fn placed(&self) -> Result<Option<Placed>> {
+        let Work { args, file, .. } = *self;
+        let (header, aabb) = (file.header(), file.header().aabb());
+        let corners = [aabb.min, aabb.max]
+            .map(|corner| std::array::from_fn(|axis| f64::from(corner[axis]) + header.origin[axis]));
+        if let Some(origin) = args.origin {
+            return Ok(Some(origin.place(args.origin_at, corners)));
+        }
+        let crs = args.crs.of(file, false)?;
+        Ok(crs.map(|crs| crs.place(corners)).transpose()?.map(|(placed, _)| placed))
+    }
 }
 
 fn summary(section: &Section) -> made::PlaneSection {

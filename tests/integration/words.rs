@@ -253,7 +253,7 @@ fn meshes_of_every_format_are_measured() {
 fn documents_name_every_format_that_is_read() {
     for page in ["README.md", "docs/MANUAL.md"] {
         let text = std::fs::read_to_string(super::harness::root().join(page)).expect("a document");
-        for format in chpm_import::FORMATS.iter().filter(|format| !format.is_list()) {
+        for format in chpm_import::FORMATS.iter().filter(|format| !format.is_list) {
             assert!(text.contains(format.name), "{page}: {}", format.name);
         }
         assert!(text.contains(".conf"), "{page}");

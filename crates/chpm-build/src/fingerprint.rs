@@ -36,7 +36,7 @@ impl Fingerprint {
         let files = found.into_iter().enumerate().map(|(at, path)| match (at, File::of(path)) {
             // Behind a list come its scans.
             (1.., Err(error)) => {
-                Err(SourceError::Scan { list: list.clone(), index: at - 1, error: Box::new(error) })
+                Err(SourceError::Member { list: list.clone(), index: at - 1, error: Box::new(error) })
             }
             (_, file) => file,
         });

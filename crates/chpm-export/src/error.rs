@@ -49,6 +49,14 @@ pub enum ExportError {
         /// Message of the library.
         reason: String,
     },
+    /// A point that a system of coordinates does not have.
+    #[error("the model is outside of {system}: it has no place for {place:?}")]
+    Outside {
+        /// The system.
+        system: String,
+        /// The point, in the model's coordinates.
+        place: [f64; 3],
+    },
     /// A sheet whose image cannot be used.
     #[error("sheet of {cluster}: {reason}; `chpm verify` tells more")]
     Sheet {

@@ -1,4 +1,4 @@
-//! Settings that tell how a model is shown; whoever reads a file may leave them alone.
+//! Settings that tell how and where a model is shown; whoever reads a file may leave them alone.
 
 use crate::metadata::Metadata;
 
@@ -13,8 +13,11 @@ pub const CREDIT: &str = "credit";
 /// The colour behind it: six hexadecimal digits.
 pub const BACKGROUND: &str = "background";
 
+/// The system that its coordinates are of, as in EPSG:32633.
+pub const CRS: &str = "crs";
+
 /// All of their names.
-const NAMES: [&str; 5] = [TITLE, UP, VIEW, CREDIT, BACKGROUND];
+const NAMES: [&str; 6] = [TITLE, UP, VIEW, CREDIT, BACKGROUND, CRS];
 
 impl Metadata {
     /// The value of a setting.

@@ -4,9 +4,10 @@
 use super::error::{ImportError, SourceError};
 use super::format::{Format, Likeness, first_line, is_text};
 use super::lines::{Lines, number, words};
+use crate::file_set::{self, FileSet};
 use crate::location::excerpt;
+use crate::options::Options;
 use crate::reader::{MeshReader, Opening, Start};
-use crate::scans::ScanSet;
 use crate::stream::Stream;
 use crate::texture::Images;
 use chpm_extmem::Cancel;
@@ -15,8 +16,14 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// Lists of range scans.
-pub(crate) const FORMAT: Format =
-    Format { name: "Stanford .conf set of scans", extensions: &["conf"], sniff, open, names: Some(files) };
+pub(crate) const FORMAT: Format = Format {
+    name: "Stanford .conf set of scans",
+    extensions: &["conf"],
+    is_list: true,
+    sniff,
+    open,
+    names: Some(files),
+};
 
 /// Goes by the first line that is no comment.
 fn sniff(start: &Start<'_>) -> Likeness {
@@ -32,13 +39,17 @@ fn open(opening: Opening<'_>) -> Result<Box<dyn MeshReader>, ImportError> {
         return Err(SourceError::NamesFiles { path, what }.into());
     }
     let list = RangeScans::read(stream)?;
-    Ok(Box::new(ScanSet::open(&supply.path, list, options, store, cancel)?))
+    let member = |scan: Scan| (supply.path.with_file_name(&scan.file), Some(scan.pose));
+    let members = list.scans.into_iter().map(member).collect();
+    // Whoever scans ranges has no images of them.
+    let options = Options { images: Images::Ignored, ..options };
+    Ok(Box::new(FileSet::open(&supply.path, members, "range scans", options, store, cancel)?))
 }
 
 /// The scans of the list at `path`.
-fn files(stream: Stream, path: &Path, _: Images, _: &Cancel) -> Result<Vec<PathBuf>, ImportError> {
+fn files(stream: Stream, path: &Path, _: Images, cancel: &Cancel) -> Result<Vec<PathBuf>, ImportError> {
     let list = RangeScans::read(stream)?;
-    Ok(list.scans.iter().map(|scan| path.with_file_name(&scan.file)).collect())
+    file_set::files(list.scans.iter().map(|scan| path.with_file_name(&scan.file)), Images::Ignored, cancel)
 }
 
 /// The scans of one model.

@@ -90,6 +90,9 @@ pub enum ImportError {
     /// A list of range scans without one.
     #[error("no 'bmesh' line: this list names no range scan")]
     NoScans,
+    /// A list of tiles without one.
+    #[error("no line below the first: this list names no tile")]
+    NoTiles,
     /// A text that is no JSON, or not that of a glTF.
     #[error("its JSON is not that of a glTF: {0}")]
     Json(String),
@@ -144,12 +147,12 @@ pub enum SourceError {
         /// Name of its content.
         what: &'static str,
     },
-    /// A scan of a list cannot be read.
-    #[error("{list}: scan {index}: {error}")]
-    Scan {
+    /// A file that a list names cannot be read.
+    #[error("{list}: its mesh {index}: {error}")]
+    Member {
         /// The list.
         list: PathBuf,
-        /// Which of its scans, from 0.
+        /// Which of its meshes, from 0.
         index: usize,
         /// Cause.
         error: Box<SourceError>,

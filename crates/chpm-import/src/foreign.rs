@@ -102,9 +102,9 @@ impl Foreign {
         }
     }
 
-    /// A list of scans in a list of scans.
+    /// A list of meshes in a list of meshes.
     pub fn list_in_list() -> Foreign {
-        Foreign { what: "a list of range scans, which no other list may name", remedy: "name its scans" }
+        Foreign { what: "a list of meshes, which no other list may name", remedy: "name its meshes" }
     }
 }
 

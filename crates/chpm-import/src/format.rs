@@ -5,7 +5,7 @@ use crate::error::ImportError;
 use crate::reader::{MeshReader, Opening, Start};
 use crate::stream::Stream;
 use crate::texture::Images;
-use crate::{conf, gltf, obj, off, ply, stl};
+use crate::{conf, gltf, obj, off, ply, stl, tiles};
 use chpm_extmem::Cancel;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 /// All formats that are read. What an input is, is asked in this order; the first is the answer where nothing else fits, since its
 /// reader says best what is wrong.
 pub static FORMATS: &[Format] =
-    &[ply::FORMAT, stl::FORMAT, gltf::FORMAT, conf::FORMAT, obj::FORMAT, off::FORMAT];
+    &[ply::FORMAT, stl::FORMAT, gltf::FORMAT, conf::FORMAT, tiles::FORMAT, obj::FORMAT, off::FORMAT];
 
 /// Extensions of compressed files, which come behind those of formats.
 pub const COMPRESSED: [&str; 2] = ["gz", "zst"];
@@ -24,6 +24,8 @@ pub struct Format {
     pub name: &'static str,
     /// Extensions of such files, in lower case.
     pub extensions: &'static [&'static str],
+    /// Whether files of this format are lists of meshes, not meshes.
+    pub is_list: bool,
     /// How sure it is that an input is of this format.
     pub(crate) sniff: fn(&Start<'_>) -> Likeness,
     /// Begins to read.
@@ -71,11 +73,6 @@ impl Format {
     pub(crate) fn is_fallback(&self) -> bool {
         *self == FORMATS[0]
     }
-
-    /// Whether files of this format are lists of meshes, not meshes.
-    pub fn is_list(&self) -> bool {
-        *self == conf::FORMAT
-    }
 }
 
 impl PartialEq for Format {
@@ -97,8 +94,7 @@ pub fn extensions() -> impl Iterator<Item = &'static str> {
 
 /// The formats in words, for helps and refusals: `PLY, STL or OBJ, as it is or as .gz or .zst, or a Stanford .conf set of scans`.
 pub fn read_formats() -> String {
-    let (sets, meshes): (Vec<&Format>, Vec<&Format>) =
-        FORMATS.iter().partition(|format| format.name.contains(' '));
+    let (sets, meshes): (Vec<&Format>, Vec<&Format>) = FORMATS.iter().partition(|format| format.is_list);
     let [last, others @ ..] = &meshes.iter().rev().map(|format| format.name).collect::<Vec<_>>()[..] else {
         return String::new();
     };

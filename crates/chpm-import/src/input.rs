@@ -83,7 +83,7 @@ impl Input {
         let start = Start { head: &opened.head, len: opened.len, extension: extension.as_deref() };
         let format = Format::detect(&start);
         let foreign = Foreign::detect(&start);
-        let foreign = foreign.or_else(|| (format.is_list() && !lists).then(Foreign::list_in_list));
+        let foreign = foreign.or_else(|| (format.is_list && !lists).then(Foreign::list_in_list));
         if let Some(foreign) = foreign {
             return Err(SourceError::of(path, ImportError::Foreign(foreign)));
         }
@@ -128,6 +128,15 @@ impl Input {
     /// # Errors
     /// [`SourceError::Read`].
     pub fn finish(self) -> Result<SourceInfo, SourceError> {
+        let (mut info, (len, hash)) = self.finish_apart()?;
+        let beside: Vec<u64> = info.beside.iter().map(|file| file.hash).collect();
+        info.byte_len = len + info.beside.iter().map(|file| file.len).sum::<u64>();
+        info.hash = combine(hash, &beside);
+        Ok(info)
+    }
+
+    /// Like [`Input::finish`]; length and hash of the file itself are beside those of what it names.
+    pub(crate) fn finish_apart(self) -> Result<(SourceInfo, (u64, u64)), SourceError> {
         let Input { path, reader, tap, packing, cancel, .. } = self;
         let mut info = reader.finish().map_err(|error| heeded(SourceError::of(&path, error), &cancel))?;
         info.name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
@@ -135,11 +144,7 @@ impl Input {
 
         // The hash is that of the whole file, so that what lies behind the mesh is read, too.
         let unread = |source| heeded(SourceError::Read { path, source }, &cancel);
-        let (len, hash) = tap.finish().map_err(unread)?;
-        let beside: Vec<u64> = info.beside.iter().map(|file| file.hash).collect();
-        info.byte_len = len + info.beside.iter().map(|file| file.len).sum::<u64>();
-        info.hash = combine(hash, &beside);
-        Ok(info)
+        Ok((info, tap.finish().map_err(unread)?))
     }
 }
 
@@ -153,6 +158,16 @@ fn heeded(error: SourceError, cancel: &Cancel) -> SourceError {
 /// # Errors
 /// [`SourceError::Read`] or [`SourceError::NotAFile`] if it cannot be read, [`SourceError::Import`] if what it names cannot be told.
 pub fn files(path: &Path, images: Images, cancel: &Cancel) -> Result<Vec<PathBuf>, SourceError> {
+    files_as(path, images, true, cancel)
+}
+
+/// Like [`files`]; what a list names is only looked for where `lists` allows it.
+pub(crate) fn files_as(
+    path: &Path,
+    images: Images,
+    lists: bool,
+    cancel: &Cancel,
+) -> Result<Vec<PathBuf>, SourceError> {
     let opened = Tap::open(&Supply::file(path)?, &FailPoints::default(), cancel)
         // Only the first bytes are unpacked, and a window is not filled.
         .and_then(|tap| stream::open(&tap, Format::HEAD, u64::MAX))
@@ -160,7 +175,8 @@ pub fn files(path: &Path, images: Images, cancel: &Cancel) -> Result<Vec<PathBuf
     let extension = extension(path);
     let start = Start { head: &opened.head, len: opened.len, extension: extension.as_deref() };
     let mut files = vec![path.to_owned()];
-    if let Some(names) = Format::detect(&start).names {
+    let format = Format::detect(&start);
+    if let Some(names) = format.names.filter(|_| lists || !format.is_list) {
         let named = names(opened.stream, path, images, cancel).map_err(|error| SourceError::of(path, error));
         files.extend(named.map_err(|error| heeded(error, cancel))?);
     }

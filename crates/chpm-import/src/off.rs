@@ -15,7 +15,8 @@ use chpm_mesh::{Attributes, FAR};
 use std::io::{self, BufReader, Read};
 
 /// Object File Format of Geomview.
-pub(crate) const FORMAT: Format = Format { name: "OFF", extensions: &["off"], sniff, open, names: None };
+pub(crate) const FORMAT: Format =
+    Format { name: "OFF", extensions: &["off"], is_list: false, sniff, open, names: None };
 
 /// Goes by the keyword; a file without one is known by its name alone.
 fn sniff(start: &Start<'_>) -> Likeness {

@@ -14,7 +14,8 @@ use chpm_mesh::FAR;
 use std::io::{self, Read};
 
 /// STL, binary or as text.
-pub(crate) const FORMAT: Format = Format { name: "STL", extensions: &["stl"], sniff, open, names: None };
+pub(crate) const FORMAT: Format =
+    Format { name: "STL", extensions: &["stl"], is_list: false, sniff, open, names: None };
 
 fn sniff(start: &Start<'_>) -> Likeness {
     match () {

@@ -254,7 +254,7 @@ fn refuse_far(
             Some((index, scan)) => {
                 let place = place(scan.first.unwrap_or(0));
                 let error = SourceError::TooFar { path: scan.path.clone(), place, value };
-                SourceError::Scan { list, index, error: Box::new(error) }
+                SourceError::Member { list, index, error: Box::new(error) }
             }
         };
         Err(error.into())

@@ -259,7 +259,7 @@ fn what_is_wrong_with_a_scan_names_the_list_and_the_scan() {
         let output = dir.path().join("out.chpm");
         let error = build(&list, &output, &config(64), &Silent, &Cancel::default()).unwrap_err();
         assert!(
-            matches!(&error, BuildError::Source(error) if matches!(**error, SourceError::Scan { index: 1, .. })),
+            matches!(&error, BuildError::Source(error) if matches!(**error, SourceError::Member { index: 1, .. })),
             "{error}"
         );
         let error = error.to_string();

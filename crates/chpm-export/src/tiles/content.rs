@@ -90,15 +90,31 @@ pub fn tile<D: AsRef<[u8]>>(
             // In the same folder.
             _ => PartImage::Beside(last(&image_path(cluster, &sheet)).to_owned()),
         };
-        let part = textured(&mesh, shown.map(|(_, chart)| *chart), &sheet, image);
+        let mut part = textured(&mesh, shown.map(|(_, chart)| *chart), &sheet, image);
+        reproject(file, options, &mut part.positions, &mut part.normals)?;
         let glb =
             write_textured(Container::Glb(Vec::new()), &facts, &[vec![part]], options.packed)?.into_main();
         return Ok((glb, mesh.triangles.len() as u64));
     }
+    let TriMesh { vertices, .. } = &mut mesh;
+    reproject(file, options, &mut vertices.positions, &mut vertices.normals)?;
     let stored = file.header().attributes().decoded();
     let attributes = Attributes { normals: stored.normals || normals.is_some(), ..stored };
     let glb = content(&facts, attributes, &mesh, options.packed)?;
     Ok((glb, mesh.triangles.len() as u64))
+}
+
+/// Takes vertices, whose positions are relative to the file's origin, to the frame of the tiles, if that is another one.
+fn reproject<D: AsRef<[u8]>>(
+    file: &Chpm<D>,
+    options: &Options,
+    positions: &mut [[f32; 3]],
+    normals: &mut [[f32; 3]],
+) -> Result<(), ExportError> {
+    match &options.reprojection {
+        Some(reprojection) => reprojection.apply(file.header().origin, positions, normals),
+        None => Ok(()),
+    }
 }
 
 /// A mesh as a GLB; nothing is not packed, since the extension's buffers have at least a byte.

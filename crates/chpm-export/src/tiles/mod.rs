@@ -10,6 +10,7 @@
 
 mod content;
 mod normals;
+mod reprojection;
 #[cfg(test)]
 mod tests;
 mod tileset;
@@ -17,6 +18,7 @@ mod tree;
 
 pub use content::{Mesh, tile, tile_image};
 pub use normals::SharedNormals;
+pub use reprojection::{Map, Reprojection};
 pub use tileset::{Tileset, tilesets};
 pub use tree::Tree;
 
@@ -35,8 +37,10 @@ pub struct Options {
     pub normals: bool,
     /// Whether the tiles are compressed with `EXT_meshopt_compression`.
     pub packed: bool,
-    /// Matrix from the model's coordinates to those of the world, column by column.
+    /// Matrix from the model's coordinates to those of the world, column by column; from the frame of `reprojection`, if there is one.
     pub transform: Option<[f64; 16]>,
+    /// The map to that frame, of models with z upward.
+    pub reprojection: Option<Reprojection>,
     /// Levels of the hierarchy that lie in one file of the tileset.
     pub span: u32,
 }

@@ -35,7 +35,15 @@ fn built_of(mesh: &TriMesh, target: Option<f64>) -> Chpm<Vec<u8>> {
 
 fn options(y_up: bool, span: u32) -> Options {
     let turn = if y_up { Turn::NONE } else { Turn::to_y(2, false) };
-    Options { generator: "test".to_owned(), turn, normals: false, packed: false, transform: None, span }
+    Options {
+        generator: "test".to_owned(),
+        turn,
+        normals: false,
+        packed: false,
+        transform: None,
+        reprojection: None,
+        span,
+    }
 }
 
 fn tree(file: &Chpm<Vec<u8>>) -> Tree {

@@ -44,7 +44,7 @@ use views::{Region, Scratch, Views};
 
 /// glTF, as text or binary.
 pub(crate) const FORMAT: Format =
-    Format { name: "glTF", extensions: &["glb", "gltf"], sniff, open, names: Some(files) };
+    Format { name: "glTF", extensions: &["glb", "gltf"], is_list: false, sniff, open, names: Some(files) };
 
 /// Bytes of memory that each byte of JSON may become.
 const BLOW_UP: u64 = 32;

@@ -25,7 +25,7 @@ use wedges::{Faces, Wedges};
 
 /// Wavefront OBJ.
 pub(crate) const FORMAT: Format =
-    Format { name: "OBJ", extensions: &["obj"], sniff, open, names: Some(libraries::files) };
+    Format { name: "OBJ", extensions: &["obj"], is_list: false, sniff, open, names: Some(libraries::files) };
 
 /// Goes by the first line that is no comment.
 fn sniff(start: &Start<'_>) -> Likeness {

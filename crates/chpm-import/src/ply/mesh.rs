@@ -13,8 +13,14 @@ use chpm_extmem::Cancel;
 use chpm_mesh::Scalar;
 
 /// Stanford PLY.
-pub(crate) const FORMAT: Format =
-    Format { name: "PLY", extensions: &["ply"], sniff, open: PlyMesh::open, names: Some(texture::files) };
+pub(crate) const FORMAT: Format = Format {
+    name: "PLY",
+    extensions: &["ply"],
+    is_list: false,
+    sniff,
+    open: PlyMesh::open,
+    names: Some(texture::files),
+};
 
 fn sniff(start: &Start<'_>) -> Likeness {
     let is_ply = match start.head {
