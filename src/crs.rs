@@ -123,12 +123,14 @@ mod tests {
 
     #[test]
     fn points_are_where_other_programs_have_them() {
-        // By PROJ 9: a point each, its place in degrees, and to how many metres programs without grids of datum shifts agree.
+        // A point each, its place in degrees by PROJ 9, and how many metres they may be apart: national datums are shifted without grids.
         for (code, point, [longitude, latitude], metres) in [
-            ("EPSG:32633", [391_779.0, 5_820_076.0], [13.405_0, 52.520_0], 40.0),
-            ("epsg:3857", [1_492_232.65, 6_894_701.26], [13.405, 52.52], 0.1),
+            ("EPSG:32633", [391_779.0, 5_820_076.0], [13.404_994_930, 52.520_034_464], 1e-3),
+            ("epsg:3857", [1_492_232.65, 6_894_701.26], [13.404_953_970, 52.520_007_974], 1e-3),
             ("32733", [500_000.0, 10_000_000.0], [15.0, 0.0], 1e-3),
-            ("EPSG:27700", [530_000.0, 180_000.0], [-0.128_61, 51.503_98], 6.0),
+            ("EPSG:2154", [652_000.0, 6_862_000.0], [2.345_811_959, 48.856_248_141], 1e-3),
+            ("EPSG:2056", [2_600_000.0, 1_200_000.0], [7.438_632_421, 46.951_082_772], 0.1),
+            ("EPSG:27700", [530_000.0, 180_000.0], [-0.128_353_940, 51.503_990_828], 0.1),
         ] {
             let crs: Crs = code.parse().unwrap();
             let [lon, lat, height] = crs.geodetic([point[0], point[1], 0.0]).unwrap();

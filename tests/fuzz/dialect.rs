@@ -13,19 +13,20 @@ use std::io::Write as _;
 pub(crate) struct Source {
     pub(crate) name: String,
     pub(crate) bytes: Vec<u8>,
-    /// Range scans of a `.conf`.
+    /// Meshes of a list.
     pub(crate) beside: Vec<(String, Vec<u8>)>,
 }
 
 pub(crate) fn write(model: &Model, draw: &mut Draw<'_>) -> Source {
-    let (name, bytes) = match draw.below(14) {
+    let (name, bytes) = match draw.below(16) {
         0..=4 => ("mesh.ply", ply(model, draw)),
         5 => ("mesh.stl", stl_binary(model, draw)),
         6 => ("mesh.stl", stl_text(model, draw)),
         7 | 8 => ("mesh.obj", obj(model, draw)),
         9 | 10 => ("mesh.off", off(model, draw)),
         11 | 12 => return gltf::write(model, draw),
-        _ => return scans(model, draw),
+        13 => return scans(model, draw),
+        _ => return tiles(model, draw),
     };
     Source { name: name.to_owned(), bytes, beside: vec![] }
 }
@@ -306,6 +307,25 @@ fn scans(model: &Model, draw: &mut Draw<'_>) -> Source {
         writeln!(list, "bmesh {name} {} {i} 0 {turn}", draw.pick(&["0", "1e6", "1e39"])).expect("text");
     }
     Source { name: "mesh.conf".to_owned(), bytes: list.into_bytes(), beside }
+}
+
+/// A list of tiles that are one model in several formats, so that all of it may be joined.
+fn tiles(model: &Model, draw: &mut Draw<'_>) -> Source {
+    let head = draw.pick(&["tiles", "# odd\n\ntiles", "tiles weld 0", "tiles weld 1e-3", "tiles weld 1e300"]);
+    let mut list = format!("{head}\n");
+    let mut beside = Vec::new();
+    for i in 0..draw.between(1, 3) {
+        let (kind, bytes) = match draw.below(4) {
+            0 => ("obj", obj(model, draw)),
+            1 => ("stl", stl_binary(model, draw)),
+            2 => ("off", off(model, draw)),
+            _ => ("ply", ply(model, draw)),
+        };
+        let name = format!("{i}.{kind}");
+        writeln!(list, "{}", if i == 2 && draw.once_in(4) { "missing.ply" } else { &name }).expect("text");
+        beside.push((name, bytes));
+    }
+    Source { name: "mesh.tiles".to_owned(), bytes: list.into_bytes(), beside }
 }
 
 /// A range grid with holes.

@@ -144,7 +144,7 @@ fn formats_and_attributes_of_tiles_may_differ() {
     let mut colored = parts[1].clone();
     colored.colors = vec![[10, 20, 30, 255]; colored.positions.len()];
     folder.write_mesh("colored.ply", &colored);
-    folder.write("mixed.tiles", "tiles\r\na.obj\r\ncolored.ply\r\n  d.ply  \r\ne.ply\r\n");
+    folder.write("mixed.tiles", "tiles weld 1e-6\r\na.obj\r\ncolored.ply\r\n  d.ply  \r\ne.ply\r\n");
     let mixed = built(&folder, "mixed.tiles");
     assert!(mixed["warnings"].to_string().contains("dropped colours"), "{mixed}");
     // Decimal text is not single precision, so all of it is moved, and rounded.
