@@ -28,6 +28,8 @@ pub(super) struct CacheKey {
     culling: Culling,
     triangles: u64,
     clusters: u64,
+    /// Clusters and triangles that throw shadows.
+    shadows: [u64; 2],
     scale: Option<[f32; 2]>,
 }
 
@@ -179,6 +181,7 @@ impl Viewer {
             culling,
             triangles: stats.triangles,
             clusters: stats.clusters_drawn,
+            shadows: [stats.shadow_casters, stats.shadow_triangles],
             scale: stats.scale,
         });
         Ok(stats)
@@ -210,7 +213,7 @@ impl Viewer {
         }
 
         (stats.triangles, stats.clusters_drawn, stats.kept) = (last.triangles, last.clusters, true);
-        stats.scale = last.scale;
+        (stats.scale, [stats.shadow_casters, stats.shadow_triangles]) = (last.scale, last.shadows);
         self.count(stats);
         stats.times.occlusion += watch.lap();
     }
