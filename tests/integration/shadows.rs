@@ -20,7 +20,8 @@ fn is_near_edge(losses: &[i32], n: usize, pixels: usize) -> bool {
     let (x, y) = (n % width, n / width);
     let is_dark = |n: usize| losses[n] > SEEN;
     let columns = x.saturating_sub(pixels)..(x + pixels + 1).min(width);
-    let all = columns.flat_map(|x| (y.saturating_sub(pixels)..(y + pixels + 1).min(height)).map(move |y| (x, y)));
+    let all =
+        columns.flat_map(|x| (y.saturating_sub(pixels)..(y + pixels + 1).min(height)).map(move |y| (x, y)));
     all.into_iter().any(|(x, y)| is_dark(y * width + x) != is_dark(n))
 }
 

@@ -24,10 +24,10 @@ use chpm_refine::{
     ActiveList, Changes, Front, Hierarchy, Member, Pager, RefineError, Residency, Traffic, View, Wanted,
     is_visible,
 };
+pub use reach::{Reach, Span};
 use std::cell::Cell;
 use std::sync::Arc;
 use std::time::Duration;
-pub use reach::{Reach, Span};
 use visibility::{Sight, Subject, Visibility};
 
 /// Kinds of culling.

@@ -10,8 +10,8 @@ use crate::gpu::arena::Resident;
 use crate::gpu::buffers::Canvas;
 use crate::gpu::camera_uniform::FrameUniform;
 use crate::gpu::{
-    Answers, Arena, CameraUniform, Casters, DrawBuffers, DrawList, Drawn, Gpu, Kind, Occlusion, Pipelines, Questions,
-    Sheets, TestBox, sheets,
+    Answers, Arena, CameraUniform, Casters, DrawBuffers, DrawList, Drawn, Gpu, Kind, Occlusion, Pipelines,
+    Questions, Sheets, TestBox, sheets,
 };
 use crate::request::{Budgets, FrameRequest};
 use crate::scene::visibility::{Sight, Subject};

@@ -81,7 +81,12 @@ impl<'a> Sighted<'a> {
     /// A box of the file as seen along an axis, relative to the eye.
     fn along(&self, axis: &Vector3<f64>, low: [f32; 3], high: [f32; 3]) -> Span {
         let scaled = axis.component_mul(&self.uniform.stretch());
-        Reach::along(&scaled.into(), axis.dot(&self.uniform.eye().coords), low.map(f64::from), high.map(f64::from))
+        Reach::along(
+            &scaled.into(),
+            axis.dot(&self.uniform.eye().coords),
+            low.map(f64::from),
+            high.map(f64::from),
+        )
     }
 
     /// A box across the light and toward it.
@@ -213,7 +218,8 @@ impl Viewer {
             let parts = uniform.parts.iter().take(uniform.count[0] as usize);
             now.eyes.extend(parts.map(|part| eye.cast(part.rows)));
             now.uniforms.push(uniform);
-            now.clusters.extend(model.thrown.iter().map(|it| (place as u32, it.member.cluster, it.member.vertices)));
+            now.clusters
+                .extend(model.thrown.iter().map(|it| (place as u32, it.member.cluster, it.member.vertices)));
             if let Some(casters) = &model.casters {
                 casters.look_up(&self.gpu, &uniform);
                 stats.shadow_triangles += casters.triangles();
@@ -332,7 +338,8 @@ impl Fit {
 /// is at `eye`.
 fn snapped(span: &Span, eye: f64, texels: u32) -> Span {
     let inner = f64::from(texels) - 2.0 * RIM - 1.0;
-    let needed = (span.high - span.low).max(1e-9 * span.high.abs().max(span.low.abs())).max(f64::MIN_POSITIVE);
+    let needed =
+        (span.high - span.low).max(1e-9 * span.high.abs().max(span.low.abs())).max(f64::MIN_POSITIVE);
     let size = f64::exp2((STEPS * (needed * f64::from(texels) / inner).log2()).ceil() / STEPS);
     let texel = size / f64::from(texels);
     let middle = 0.5 * (span.low + span.high) - 0.5 * size;

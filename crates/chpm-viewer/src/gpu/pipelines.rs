@@ -71,7 +71,10 @@ type Way = (Kind, bool, bool, bool, u32);
 const SHADED: [(&str, &str); 5] = [
     ("across: vec3<f32>,", "across: vec3<f32>,\n    @location(7) anchor: vec3<f32>,"),
     ("seen.across, seen.color", "seen.across, seen.anchor, seen.color"),
-    ("    seen.color = PLAIN;", "    seen.anchor = bent(seen.at, seen.straight, seen.across);\n    seen.color = PLAIN;"),
+    (
+        "    seen.color = PLAIN;",
+        "    seen.anchor = bent(seen.at, seen.straight, seen.across);\n    seen.color = PLAIN;",
+    ),
     ("light(facing_plane(seen.at), seen.at)", "shaded(facing_plane(seen.at), seen.at)"),
     (
         "light(smoothed(seen.at, seen.straight, seen.across), seen.at)",
@@ -132,7 +135,8 @@ impl Pipelines {
         };
         let painted = of(&[Some(&frame), Some(&slab), Some(&sheets)]);
         let layout = of(&[Some(&frame), Some(&slab)]);
-        let with_shadows = [None, Some(&sheets)].map(|it| of(&[Some(&frame), Some(&slab), it, Some(&shadows)]));
+        let with_shadows =
+            [None, Some(&sheets)].map(|it| of(&[Some(&frame), Some(&slab), it, Some(&shadows)]));
         Pipelines {
             shader,
             sampled,
@@ -174,7 +178,8 @@ impl Pipelines {
         let apart = self.sampled.is_some() && samples > 1;
         let is_shaded = self.shaded && kind.is_lit();
         if is_shaded || kind == Kind::Cast {
-            self.shadowed[usize::from(apart)].get_or_insert_with(|| module(gpu, self.has_sheets, apart, true));
+            self.shadowed[usize::from(apart)]
+                .get_or_insert_with(|| module(gpu, self.has_sheets, apart, true));
         }
         let shaded = self.shadowed[usize::from(apart)].as_ref().filter(|_| is_shaded || kind == Kind::Cast);
         let plain = self.sampled.as_ref().filter(|_| apart).unwrap_or(&self.shader);
@@ -193,8 +198,8 @@ impl Pipelines {
             Kind::Painted(_) => ("pulled_painted", Some("painted")),
             Kind::Wired(_) => ("pulled", Some("wired")),
             Kind::Identified => ("pulled", Some("identified")),
-            Kind::Cast if self.clipped => ("cast_cut", Some("uncut")),
-            Kind::Cast => ("cast", None),
+            Kind::Cast if self.clipped => ("mapped_cut", Some("uncut")),
+            Kind::Cast => ("mapped", None),
         };
 
         let target = [kind.format().map(wgpu::ColorTargetState::from)];
@@ -284,8 +289,7 @@ fn module(gpu: &Gpu, has_sheets: bool, apart: bool, shaded: bool) -> wgpu::Shade
         clusters.push_str(include_str!("../shaders/shadows.wgsl"));
     }
     if apart {
-        clusters = clusters
-            .replace("@location(0) at:", "@location(0) @interpolate(perspective, sample) at:");
+        clusters = clusters.replace("@location(0) at:", "@location(0) @interpolate(perspective, sample) at:");
     }
     gpu.shader(&[camera_uniform::WGSL, kept[0], kept[1], &clusters])
 }

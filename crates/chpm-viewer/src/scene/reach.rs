@@ -64,8 +64,8 @@ impl Reach {
 
     /// Whether something in a region may throw a shadow on what is seen.
     pub fn takes(&self, region: &Region) -> bool {
-        let across = [0, 1, 2]
-            .map(|axis| Reach::along(&self.axes[axis], self.shifts[axis], region.low, region.high));
+        let across =
+            [0, 1, 2].map(|axis| Reach::along(&self.axes[axis], self.shifts[axis], region.low, region.high));
         let is_before = across[2].high >= self.from;
         is_before && self.parts.iter().any(|part| (0..2).all(|axis| across[axis].meets(&part[axis])))
     }

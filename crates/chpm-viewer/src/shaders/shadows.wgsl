@@ -34,12 +34,12 @@ fn to_map(at: vec3<f32>) -> vec4<f32> {
 }
 
 @vertex
-fn cast(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> {
+fn mapped(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> {
     return to_map(relative(position));
 }
 
 @vertex
-fn cast_cut(@location(0) position: vec3<f32>) -> Bare {
+fn mapped_cut(@location(0) position: vec3<f32>) -> Bare {
     let at = relative(position);
     return Bare(to_map(at), at, 0u);
 }

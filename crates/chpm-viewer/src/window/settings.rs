@@ -279,7 +279,8 @@ mod tests {
         for (colors, ..) in Coloring::ALL {
             for antialias in [None, Some(Smooth::Off), Some(Smooth::Rest), Some(Smooth::Always)] {
                 let shadows = antialias.map(|smooth| smooth == Smooth::Rest);
-                let settings = Settings { colors, antialias, shadows, poe: 0.3, smooth: true, ..Settings::default() };
+                let settings =
+                    Settings { colors, antialias, shadows, poe: 0.3, smooth: true, ..Settings::default() };
                 let text = toml::to_string(&settings).unwrap();
                 assert_eq!(toml::from_str::<Settings>(&text).unwrap(), settings);
             }
