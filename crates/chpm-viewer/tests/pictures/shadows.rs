@@ -83,22 +83,23 @@ fn a_lit_sphere_has_no_dark_pixels() {
     let camera = viewer.framing();
     for (poe, viewport) in [(0.0, [400, 400]), (1.0, [160, 160]), (1.0, [640, 480]), (8.0, [300, 300])] {
         for shading in [Shading::Smooth, Shading::Flat] {
-            for light in [[50.0, 30.0], [0.0, 0.0], [-85.0, 5.0], [20.0, -80.0]] {
-                let look = Look { shading, light, ..look(true) };
+            // Where light comes from beside, planes of a coarse mesh, which is not convex, are in the shadow of others.
+            let lights = [[50.0, 30.0], [0.0, 0.0], [-85.0, 5.0], [20.0, -80.0]];
+            let is_convex = shading == Shading::Smooth || poe == 0.0;
+            for light in &lights[..if is_convex { 4 } else { 2 }] {
+                let look = Look { shading, light: *light, ..look(true) };
                 let frame = FrameRequest { look, ..exact(camera, viewport, poe) };
                 let losses = losses(&mut viewer, &frame);
-                // At the silhouette, a triangle that is seen from its edge has no plane that a pixel could tell, with shadows or without.
+                // A triangle that is seen from its edge, at the silhouette, has no plane that a pixel could tell: without shadows some are too bright.
                 let (shown, _) = headless::ids(&mut viewer, &frame).expect("ids");
-                let width = viewport[0] as usize;
-                let is_inside = |n: &usize| {
-                    [1, width].iter().all(|by| {
-                        let beside = [n.checked_sub(*by), Some(n + by)]
-                            .map(|n| shown.pixels.get(n?).copied().flatten());
-                        beside.iter().all(Option::is_some)
-                    })
+                let is_shown = |n: Option<usize>| n.and_then(|n| *shown.pixels.get(n)?).is_some();
+                let steps = [1, viewport[0] as usize];
+                let is_inside = |n: usize| {
+                    steps.iter().all(|step| is_shown(n.checked_sub(*step)) && is_shown(Some(n + step)))
                 };
-                let inside: Vec<usize> = (0..losses.len()).filter(is_inside).collect();
-                let worst = inside.iter().map(|n| losses[*n]).max().unwrap_or(0);
+                let inside: Vec<i32> =
+                    (0..losses.len()).filter(|n| is_inside(*n)).map(|n| losses[n]).collect();
+                let worst = inside.iter().copied().max().unwrap_or(0);
                 assert!(worst <= UNSEEN, "{poe} {viewport:?} {shading:?} {light:?}: {worst}");
                 assert!(losses.iter().all(|loss| *loss >= -1) && inside.len() > 5000, "{}", inside.len());
             }
