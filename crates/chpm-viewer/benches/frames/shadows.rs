@@ -8,11 +8,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 const VIEWPORT: [u32; 2] = [1920, 1080];
+/// Frames of a way around; those of a processor that draws.
 const FRAMES: usize = 48;
+const SLOW_FRAMES: usize = 8;
 /// Times around, the first of which reads the pages and does not count.
 const ROUNDS: usize = 3;
-/// Frames of a rest after those that come to it.
-const REST: usize = 16;
 
 /// What light does.
 const LOOKS: [(&str, bool, bool); 3] =
@@ -24,7 +24,8 @@ pub(crate) fn run(gpu: &Arc<Gpu>, path: &Path) -> Result<(), Box<dyn Error>> {
     let file = films[0].viewer.file();
     let all = file.header().source_triangle_count;
     let origin = films[0].viewer.origin();
-    let cameras: Vec<_> = CameraPath::orbit(&films[0].viewer.bounds(), FRAMES)
+    let frames = if gpu.is_software() { SLOW_FRAMES } else { FRAMES };
+    let cameras: Vec<_> = CameraPath::orbit(&films[0].viewer.bounds(), frames)
         .cameras
         .iter()
         .map(|camera| camera.relative_to(origin.map(|x| -x)))
@@ -53,14 +54,13 @@ pub(crate) fn run(gpu: &Arc<Gpu>, path: &Path) -> Result<(), Box<dyn Error>> {
     }
     print("orbit", &shots, all);
 
-    // From inside as from around: a quarter of the way.
     let mut rest: [Vec<Shot>; 3] = Default::default();
-    for camera in cameras.iter().step_by(FRAMES / 4) {
+    for camera in cameras.iter().step_by(frames / 4) {
         for (place, film) in films.iter_mut().enumerate() {
             film.converge(&request(*camera, place))?;
             film.repeat(&request(*camera, place), 2)?;
         }
-        for _ in 0..REST {
+        for _ in 0..frames / 4 {
             for (place, film) in films.iter_mut().enumerate() {
                 rest[place].push(film.shoot(&request(*camera, place))?);
             }
@@ -71,9 +71,9 @@ pub(crate) fn run(gpu: &Arc<Gpu>, path: &Path) -> Result<(), Box<dyn Error>> {
     // As the window has it: a picture that is still right is not drawn at all.
     let mut kept: [Vec<Shot>; 3] = Default::default();
     for (place, film) in films.iter_mut().enumerate() {
-        let request = FrameRequest { kept: true, ..request(cameras[FRAMES - FRAMES / 4], place) };
+        let request = FrameRequest { kept: true, ..request(cameras[0], place) };
         film.converge(&request)?;
-        kept[place] = film.repeat(&request, REST)?;
+        kept[place] = film.repeat(&request, frames)?;
     }
     print("kept", &kept, all);
     Ok(())

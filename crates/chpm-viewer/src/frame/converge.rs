@@ -63,6 +63,8 @@ impl Viewer {
         for model in &mut self.models {
             // Answers to questions of frames before would come in between.
             model.asked.clear();
+            // Nor does it depend on what threw shadows then.
+            model.reach = None;
             model.pipelines.prepare(&self.gpu, Kind::Depth, 1)?;
         }
         let mut stats = Stats { poe, ..Stats::default() };
