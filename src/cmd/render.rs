@@ -66,7 +66,7 @@ pub(crate) struct Args {
     /// Beyond 16 million triangles in the file, colours repeat
     #[arg(long, conflicts_with_all = ["color", "shading", "smooth", "wireframe", "one_sided", "background"])]
     ids: bool,
-    /// The key light throws shadows, by a map as in the window: what differs from --rays is within some pixels of their edges
+    /// The key light throws shadows, by a map as in the window: within two pixels of their edges they may differ from those of --rays
     #[arg(long, conflicts_with_all = ["ids", "rays"], help_heading = "Looks")]
     shadows: bool,
     #[command(flatten)]

@@ -57,7 +57,7 @@ pub struct Viewer {
     /// Shadows; nothing until they are first wanted.
     shade: Shade,
     depth: Option<Canvas>,
-    /// What throws shadows was not all brought in the last frame.
+    /// Whether clusters that throw shadows were missing in the last frame.
     shadows_withheld: bool,
     /// For pictures of several samples.
     sampled: Option<Sampled>,

@@ -46,7 +46,7 @@ struct Gaze<'a> {
     visibility: &'a Visibility,
     view: &'a View,
     culling: Culling,
-    /// What is to be as fine as the camera wants it for its shadow.
+    /// Beams in which all is to be as fine as the camera wants it, for its shadow.
     reach: Option<&'a Reach>,
 }
 

@@ -50,7 +50,7 @@ pub struct Stats {
     pub shadow_casters: u64,
     /// Triangles of the map, those of clusters in several of its parts several times.
     pub shadow_triangles: u64,
-    /// What throws shadows is still being brought.
+    /// Clusters that throw shadows are still being brought.
     pub shadows_withheld: bool,
     /// Where colours show levels or errors: the least (blue) and the most (red) of what is shown.
     pub scale: Option<[f32; 2]>,

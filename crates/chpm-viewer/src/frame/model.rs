@@ -47,10 +47,10 @@ pub(super) struct Model {
     pub(super) shown: usize,
     /// On their way into the list.
     pub(super) items: Vec<Item>,
-    /// What throws shadows, in lists, and those of it that the GPU has.
+    /// Clusters that throw shadows, in lists, and those of them that the GPU has.
     pub(super) casters: Option<Casters>,
     pub(super) thrown: Vec<Caster>,
-    /// How much of it is brought, beside what is in the list of draws.
+    /// Those that are not in the list of draws.
     pub(super) unlisted: Vec<Member>,
     /// From where shadows fall on what was seen in the last round.
     pub(super) reach: Option<Reach>,

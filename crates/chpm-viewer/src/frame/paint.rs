@@ -1,7 +1,7 @@
 //! From clusters to draws: what is sent to the GPU, what colour it has, and the final picture of a frame that waits.
 
 use super::model::Model;
-use super::shade::{Caster, Fit};
+use super::shade::Fit;
 use super::{Canvas, Instant, Viewer, Watch, passes};
 use crate::error::ViewerError;
 use crate::frame::samples::{Mean, shifts};
@@ -106,7 +106,7 @@ pub(super) enum Plan {
 }
 
 impl Plan {
-    fn includes(self, sight: Sight) -> bool {
+    pub(super) fn includes(self, sight: Sight) -> bool {
         match self {
             Plan::Visible | Plan::VisibleById => sight == Sight::Visible,
             Plan::HiddenToo => sight != Sight::Outside,
@@ -215,35 +215,6 @@ impl Model {
                 sheets.touch(item.member.cluster, now);
             }
         }
-    }
-
-    /// Adds what throws shadows and is not in the list.
-    fn choose_casters(&mut self, plan: Plan, casters: &[Caster], now: u64) {
-        self.unlisted.clear();
-        let unlisted = casters.iter().filter(|caster| !plan.includes(caster.sight));
-        self.unlisted.extend(unlisted.map(|caster| caster.member));
-        self.unlisted.iter().for_each(|member| self.arena.touch(member.cluster, now));
-    }
-
-    /// Sends the blocks of what throws shadows and is not in the list, as many bytes as a frame may, or one more. Nothing that is drawn goes for
-    /// them. Whether all are there that find room.
-    fn bring_casters(&mut self, gpu: &Gpu, most: Option<u64>, now: u64) -> Result<bool, ViewerError> {
-        let mut sent = 0;
-        for member in &self.unlisted {
-            if self.arena.get(member.cluster).is_some() {
-                continue;
-            }
-            if most.is_some_and(|most| sent > most) {
-                return Ok(false);
-            }
-            let Some((block, turned)) = self.scene.block(member.cluster) else { continue };
-            sent += block.bytes().len() as u64;
-            if !self.arena.insert(gpu, member.cluster, (&block, turned), now)? {
-                // Nor will there be for another one.
-                break;
-            }
-        }
-        Ok(true)
     }
 
     /// Sees to it that the GPU has all that was chosen.

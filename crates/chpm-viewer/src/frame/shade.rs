@@ -11,7 +11,7 @@ use super::paint::Plan;
 use crate::error::ViewerError;
 use crate::gpu::camera_uniform::FrameUniform;
 use crate::gpu::shadows::{PARTS, PartUniform, ShadowUniform, place};
-use crate::gpu::{CameraUniform, Casters, Kind, ShadowMap};
+use crate::gpu::{CameraUniform, Casters, Gpu, Kind, ShadowMap};
 use crate::scene::visibility::Sight;
 use crate::scene::{Reach, Span};
 use crate::stats::Stats;
@@ -26,7 +26,7 @@ pub(super) struct Shade {
     drawn: Option<Drawn>,
 }
 
-/// What a map follows from: how each part of each model is looked at, and its clusters and their positions.
+/// Key of a map: how each part of each model is looked at, and its clusters and their positions.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Drawn {
     uniforms: Vec<ShadowUniform>,
@@ -42,7 +42,7 @@ pub(super) struct Caster {
     parts: u8,
 }
 
-/// What is seen, as the light sees it.
+/// Receivers and casters, as the light sees them.
 #[derive(Clone, Debug)]
 pub(super) struct Fit {
     /// Of the map.
@@ -109,7 +109,7 @@ impl<'a> Sighted<'a> {
 }
 
 impl Viewer {
-    /// What of the visible clusters is seen and what throws shadows on it, with the cameras of a frame; none where nothing is visible.
+    /// Receivers and casters of a frame with these cameras; none where nothing is visible.
     pub(super) fn fit(&self, eyes: &[&CameraUniform], plan: Plan) -> Option<Fit> {
         let sighted: Vec<Sighted<'_>> = eyes.iter().map(|eye| Sighted::new(eye)).collect();
         let first = sighted.first()?.uniform;
@@ -278,6 +278,40 @@ impl Viewer {
 }
 
 impl Model {
+    /// Adds what throws shadows and is not in the list.
+    pub(super) fn choose_casters(&mut self, plan: Plan, casters: &[Caster], now: u64) {
+        self.unlisted.clear();
+        let unlisted = casters.iter().filter(|caster| !plan.includes(caster.sight));
+        self.unlisted.extend(unlisted.map(|caster| caster.member));
+        self.unlisted.iter().for_each(|member| self.arena.touch(member.cluster, now));
+    }
+
+    /// Sends the blocks of what throws shadows and is not in the list, as many bytes as a frame may, or one more. Nothing that is drawn goes for
+    /// them. Whether all are there that find room.
+    pub(super) fn bring_casters(
+        &mut self,
+        gpu: &Gpu,
+        most: Option<u64>,
+        now: u64,
+    ) -> Result<bool, ViewerError> {
+        let mut sent = 0;
+        for member in &self.unlisted {
+            if self.arena.get(member.cluster).is_some() {
+                continue;
+            }
+            if most.is_some_and(|most| sent > most) {
+                return Ok(false);
+            }
+            let Some((block, turned)) = self.scene.block(member.cluster) else { continue };
+            sent += block.bytes().len() as u64;
+            if !self.arena.insert(gpu, member.cluster, (&block, turned), now)? {
+                // Nor will there be for another one.
+                break;
+            }
+        }
+        Ok(true)
+    }
+
     /// Makes the lists of what throws shadows. What the GPU has no room for throws none.
     pub(super) fn cast(&mut self, casters: &[Caster]) {
         let Some(lists) = &mut self.casters else { return };

@@ -66,7 +66,7 @@ impl Kind {
 /// Key of a pipeline: output, one-sided or not, clipped or not, with shadows or not, samples a pixel.
 type Way = (Kind, bool, bool, bool, u32);
 
-/// What shadows change in the shaders that draw clusters: of a smooth surface, how far a point is below the one that its normals stand for
+/// Changes of the shaders that draw clusters where shadows fall: of a smooth surface, how far a point is below the one that its normals stand for
 /// takes one vector more from vertices to pixels.
 const SHADED: [(&str, &str); 5] = [
     ("across: vec3<f32>,", "across: vec3<f32>,\n    @location(7) anchor: vec3<f32>,"),

@@ -1,4 +1,4 @@
-//! What throws shadows on what is seen: boxes, as the light sees them.
+//! Beams of light on what is seen, and the boxes that they go through.
 
 use chpm_refine::Region;
 
@@ -27,7 +27,7 @@ impl Span {
         }
     }
 
-    /// What both have.
+    /// Numbers that both have.
     pub fn cut(&self, other: &Span) -> Span {
         Span { low: self.low.max(other.low), high: self.high.min(other.high) }
     }
@@ -43,7 +43,7 @@ impl Span {
 pub struct Reach {
     /// Across the light and toward it, for coordinates of the file.
     pub axes: [[f64; 3]; 3],
-    /// What is taken off along each.
+    /// Offset along each, to be taken off.
     pub shifts: [f64; 3],
     /// The beams, across the light.
     pub parts: Vec<[Span; 2]>,
