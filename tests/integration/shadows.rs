@@ -5,13 +5,15 @@ use super::render::picture;
 
 const SIZE: [usize; 2] = [480, 360];
 
-/// By pixel, how much light shadows take, of 255.
-fn losses(folder: &Folder, free: &str, shadowed: &str) -> Vec<i32> {
+/// By pixel, how much light shadows take, of 255; and whether it shows the model.
+fn losses(folder: &Folder, free: &str, shadowed: &str) -> (Vec<i32>, Vec<bool>) {
     let [free, shadowed] = [free, shadowed].map(|words| {
         folder.stdout(&format!("render {words} --viewport 480x360 --samples 1 -qf -o out.png"));
         picture(folder, "out.png").2
     });
-    free.iter().zip(shadowed).map(|(a, b)| i32::from(a[1]) - i32::from(b[1])).collect()
+    // In a corner there is nothing.
+    let shown = free.iter().map(|pixel| pixel != &free[0]).collect();
+    (free.iter().zip(shadowed).map(|(a, b)| i32::from(a[1]) - i32::from(b[1])).collect(), shown)
 }
 
 /// Whether shadow and light meet within some pixels.
@@ -28,8 +30,8 @@ fn is_near_edge(losses: &[i32], n: usize, pixels: usize) -> bool {
 /// A loss that is seen, of 255.
 const SEEN: i32 = 8;
 
-/// Blocks and balls on a plate; a landscape; a surface with many holes: farther than two pixels from an edge of a shadow, 99.5 % of what takes
-/// light has the same of it.
+/// Blocks on a plate; a landscape; a surface with many holes: farther than two pixels from an edge of a shadow, 99.5 % of what takes
+/// light has the same of it. At more than a pixel of error, meshes of rays and of the GPU differ by more than that.
 #[test]
 fn maps_have_the_shadows_of_rays() {
     let folder = Folder::new();
@@ -50,25 +52,26 @@ fn maps_have_the_shadows_of_rays() {
         "blocks.chpm --camera 3,-9,1.5,5,0,0.5,50 --up z --light 70,30",
         "blocks.chpm --up z --view iso --light 60,30 --clip z:0.8",
         "isosurface.chpm --light 40,40",
-        "isosurface.chpm --light -60,10 --poe 4 --shading flat",
-        "isosurface.chpm --camera 0.2,0.9,0.5,0.8,0.1,0.4,60 --light 50,30",
+        "isosurface.chpm --light -60,10 --poe 0 --shading flat",
+        "isosurface.chpm --camera 0.17,0.17,0.95,0.15,0.12,0.3,60 --light 50,30",
+        "isosurface.chpm --camera 0.45,0.3,0.75,0.17,0.17,0.5,40 --light -50,30",
         "terrain.chpm --up z --view iso --light 80,10",
         "terrain.chpm --up z --camera 0.5,0.05,0.25,0.5,0.6,0,45 --light 75,5",
         "sphere.chpm --light 60,20",
     ] {
-        let map = losses(&folder, words, &format!("{words} --shadows"));
+        let (map, shown) = losses(&folder, words, &format!("{words} --shadows"));
         let rays = format!("{words} --rays --occlusion 0");
-        let rays = losses(&folder, &format!("{rays} --no-shadows"), &format!("{rays} --light-width 0"));
+        let (rays, _) = losses(&folder, &format!("{rays} --no-shadows"), &format!("{rays} --light-width 0"));
         let (mut judged, mut dark, mut unlike) = (0, 0, 0);
         for n in 0..rays.len() {
-            if !is_near_edge(&rays, n, 2) {
+            if shown[n] && !is_near_edge(&rays, n, 2) {
                 judged += 1;
                 dark += usize::from(rays[n] > SEEN);
                 unlike += usize::from(rays[n].abs_diff(map[n]) > SEEN as u32);
             }
         }
         println!("{words}: {unlike} of {judged} are unlike, {dark} dark");
-        assert!(1000 * unlike <= 5 * judged && judged > 60_000, "{words}: {unlike} of {judged}");
+        assert!(1000 * unlike <= 5 * judged && judged > 12_000, "{words}: {unlike} of {judged}");
         assert!(words.starts_with("sphere") == (dark == 0), "{words}: {dark}");
     }
 }
