@@ -26,7 +26,7 @@ export PATH="$PATH:$PWD/target/tools/bin"
 export XDG_RUNTIME_DIR="${XDG_RUNTIME_DIR:-/tmp}"
 
 # What draws; left out where there is no driver for it.
-draws=(integration::render:: integration::window:: integration::couple:: sheets_are_drawn a_picture_says_what_it_lacks every_key_is_documented_and_appears
+draws=(integration::render:: integration::window:: integration::couple:: integration::shadows:: sheets_are_drawn a_picture_says_what_it_lacks every_key_is_documented_and_appears
     every_example_of_the_help_runs every_command_of_the_pages_runs)
 without=()
 packages=(--workspace)

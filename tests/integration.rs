@@ -95,6 +95,9 @@ mod integration {
     /// Only what a scene needs: finest and coarsest errors, and what costs nothing.
     mod scene;
     mod section;
+    /// Shadows of the GPU beside those of rays.
+    #[cfg(feature = "viewer")]
+    mod shadows;
     /// Images of clusters.
     mod sheets;
     /// A build that is told to stop leaves nothing.

@@ -66,6 +66,9 @@ pub(crate) struct Args {
     /// Beyond 16 million triangles in the file, colours repeat
     #[arg(long, conflicts_with_all = ["color", "shading", "smooth", "wireframe", "one_sided", "background"])]
     ids: bool,
+    /// The key light throws shadows, by a map as in the window: within two pixels of their edges they may differ from those of --rays
+    #[arg(long, conflicts_with_all = ["ids", "rays"], help_heading = "Looks")]
+    shadows: bool,
     #[command(flatten)]
     look: LookArgs,
     /// Colour by a named scalar, such as quality, from its lowest value (dark blue) to its highest (yellow); what is no number is grey. Its name
@@ -133,8 +136,13 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     })?;
     let model = viewer.files().map(|file| file.header().source_triangle_count).sum();
     let wanted = args.triangles.map(|wanted| wanted.of(model));
-    let look =
-        Look { transparent: args.still.transparent, studio: args.still.studio, light, ..args.look.look() };
+    let look = Look {
+        transparent: args.still.transparent,
+        studio: args.still.studio,
+        light,
+        shadows: args.shadows,
+        ..args.look.look()
+    };
 
     let (mut first, mut short) = (None, None);
     let mut gallery = Gallery::new(args, pngs, [note.clone(), legend]);

@@ -29,8 +29,8 @@ pub(crate) struct DeviceArgs {
     /// Who draws: "best", "software", or a part of an adapter's name
     #[arg(long, value_name = "NAME", default_value = "best")]
     pub(crate) adapter: AdapterChoice,
-    /// GPU memory for vertices, triangles and textures, as in 256M. A picture takes more beside it, which is not counted: about 14 bytes a pixel, and in
-    /// a window that smooths edges 32 more
+    /// GPU memory for vertices, triangles and textures, as in 256M. A picture takes more beside it, which is not counted: about 14 bytes a pixel, in
+    /// a window that smooths edges 32 more, and for shadows up to 64M
     #[arg(long, value_name = "SIZE", default_value = "512M")]
     pub(crate) gpu_memory: Bytes,
 }

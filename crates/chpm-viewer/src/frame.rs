@@ -12,6 +12,7 @@ mod model;
 mod paint;
 mod rate;
 mod samples;
+mod shade;
 mod share;
 mod smooth;
 
@@ -19,7 +20,7 @@ use crate::error::ViewerError;
 use crate::gpu::buffers::{Canvas, Sampled};
 use crate::gpu::lighting::Lighting;
 use crate::gpu::{CameraUniform, Gpu, Probe, passes};
-use crate::request::{Accuracy, Budgets, FrameRequest, Target};
+use crate::request::{Accuracy, Budgets, FrameRequest, Look, Target};
 use crate::scene::Culling;
 use crate::stats::Stats;
 use crate::tint::Tint;
@@ -34,6 +35,7 @@ use interactive::CacheKey;
 use model::{Eye, Model};
 use paint::Colors;
 use rate::Rate;
+use shade::Shade;
 use share::{Need, budget_shares};
 use std::path::Path;
 use std::sync::Arc;
@@ -52,7 +54,11 @@ pub struct Viewer {
     probe: Probe,
     /// Made when it is first used.
     lighting: Option<Lighting>,
+    /// Shadows; nothing until they are first wanted.
+    shade: Shade,
     depth: Option<Canvas>,
+    /// Whether clusters that throw shadows were missing in the last frame.
+    shadows_withheld: bool,
     /// For pictures of several samples.
     sampled: Option<Sampled>,
     canvas: Option<Canvas>,
@@ -146,7 +152,9 @@ impl Viewer {
             bounds: Aabb::of_points([]),
             probe,
             lighting: None,
+            shade: Shade::default(),
             depth: None,
+            shadows_withheld: false,
             sampled: None,
             canvas: None,
             camera_uniform: None,
@@ -267,7 +275,7 @@ impl Viewer {
     pub fn frame(&mut self, request: &FrameRequest, target: &Target<'_>) -> Result<Stats, ViewerError> {
         let start = Instant::now();
         self.check_size(request.viewport)?;
-        self.set_ways(request.look.one_sided, request.clip.is_some());
+        self.set_ways(&request.look, request.clip.is_some());
         let mut stats = if request.wait || request.select_from.is_some() {
             self.drawn = None;
             let mut stats = self.converge(request)?;
@@ -285,9 +293,10 @@ impl Viewer {
     }
 
     /// How the next draws are made.
-    fn set_ways(&mut self, one_sided: bool, clipped: bool) {
+    fn set_ways(&mut self, look: &Look, clipped: bool) {
         for Model { pipelines, .. } in &mut self.models {
-            (pipelines.one_sided, pipelines.clipped) = (one_sided, clipped);
+            (pipelines.one_sided, pipelines.clipped) = (look.one_sided, clipped);
+            pipelines.shaded = look.shadows;
         }
     }
 

@@ -196,6 +196,10 @@ pub struct Look {
     pub light: [f64; 2],
     /// The light of a studio: from the sky and a key, less of it in corners and on the ground below the model.
     pub studio: bool,
+    /// Whether the key light throws shadows.
+    pub shadows: bool,
+    /// Less light in corners, by the depths around a pixel; a studio has that anyway.
+    pub occlusion: bool,
 }
 
 impl Look {
@@ -214,6 +218,8 @@ impl Default for Look {
             transparent: false,
             light: Look::LIGHT,
             studio: false,
+            shadows: false,
+            occlusion: false,
         }
     }
 }

@@ -6,6 +6,7 @@
 //! camera that jumps has its cut one answer later, if the pages are there.
 
 mod borders;
+mod reach;
 pub mod visibility;
 
 use crate::error::ViewerError;
@@ -23,6 +24,7 @@ use chpm_refine::{
     ActiveList, Changes, Front, Hierarchy, Member, Pager, RefineError, Residency, Traffic, View, Wanted,
     is_visible,
 };
+pub use reach::{Reach, Span};
 use std::cell::Cell;
 use std::sync::Arc;
 use std::time::Duration;
@@ -44,12 +46,15 @@ struct Gaze<'a> {
     visibility: &'a Visibility,
     view: &'a View,
     culling: Culling,
+    /// Beams in which all is to be as fine as the camera wants it, for its shadow.
+    reach: Option<&'a Reach>,
 }
 
 impl Gaze<'_> {
     fn sees(&self, group: GroupId) -> bool {
-        let is_outside = self.culling.frustum && self.view.misses(self.hierarchy.region(group));
-        !is_outside && !self.is_hidden(group)
+        let region = self.hierarchy.region(group);
+        let is_outside = self.culling.frustum && self.view.misses(region);
+        !is_outside && !self.is_hidden(group) || self.reach.is_some_and(|reach| reach.takes(region))
     }
 
     /// Whoever turns sees what is beside the image, but not what the clipping plane leaves out.
@@ -173,15 +178,16 @@ impl Scene {
         &self.tint
     }
 
-    /// Asks for what a view wants, and lets go what it does not need; answers the bytes of the pages asked for.
-    pub fn want(&mut self, view: &View, culling: Culling) -> u64 {
+    /// Asks for what a view wants, and lets go what it does not need; `reach` is what throws shadows on what is seen. Answers the bytes of
+    /// the pages asked for.
+    pub fn want(&mut self, view: &View, culling: Culling, reach: Option<&Reach>) -> u64 {
         let (file, hierarchy, list) = (&*self.file, &self.hierarchy, self.list.front());
         self.bounds.turn();
         self.visibility.turn();
 
         // What is split stays so; what is not is split where somebody sees it.
         let bound = |group| self.bounds.of(group, hierarchy, view);
-        let gaze = Gaze { file, hierarchy, visibility: &self.visibility, view, culling };
+        let gaze = Gaze { file, hierarchy, visibility: &self.visibility, view, culling, reach };
         self.pager.follow(file, hierarchy, bound, |group| list.is_split(group) || gaze.sees(group));
         for entered in self.pager.wanted().entered() {
             self.visibility.forget(file.clusters()[entered.cluster.index()].group());
@@ -204,7 +210,8 @@ impl Scene {
     /// Asks for what a view to come will want, after [`Scene::want`]: all that it splits, and what it would split next. Answers bytes.
     pub fn foresee(&mut self, ahead: &View, culling: Culling) -> u64 {
         let (file, hierarchy) = (&*self.file, &self.hierarchy);
-        let gaze = Gaze { file, hierarchy, visibility: &self.visibility, view: ahead, culling };
+        let visibility = &self.visibility;
+        let gaze = Gaze { file, hierarchy, visibility, view: ahead, culling, reach: None };
         let traffic = self.pager.foresee(
             file,
             hierarchy,
@@ -235,7 +242,9 @@ impl Scene {
         // A group is of use if anything below it is seen.
         if short && culling != (Culling { frustum: false, occlusion: false }) {
             let (file, hierarchy) = (&*self.file, &self.hierarchy);
-            let gaze = Gaze { file, hierarchy, visibility: &self.visibility, view, culling };
+            // What is seen by its shadow alone comes last.
+            let visibility = &self.visibility;
+            let gaze = Gaze { file, hierarchy, visibility, view, culling, reach: None };
             let mut seen = vec![false; file.groups().len()];
             for group in self.pager.wanted().open_groups() {
                 seen[group.index()] = gaze.sees(*group);

@@ -44,6 +44,14 @@ pub struct Stats {
     pub stalls: u64,
     /// Refine-draw-test rounds: one, unless the frame waits.
     pub rounds: u64,
+    /// Maps of shadows that were drawn: none where the last one is still right.
+    pub shadow_maps: u64,
+    /// Clusters that throw shadows on what is seen.
+    pub shadow_casters: u64,
+    /// Triangles of the map, those of clusters in several of its parts several times.
+    pub shadow_triangles: u64,
+    /// Clusters that throw shadows are still being brought.
+    pub shadows_withheld: bool,
     /// Where colours show levels or errors: the least (blue) and the most (red) of what is shown.
     pub scale: Option<[f32; 2]>,
     /// The last picture is still the right one, and was not drawn again.
@@ -60,6 +68,7 @@ impl Stats {
         let before = *self;
         *self = *step;
         self.newly_visible += before.newly_visible;
+        self.shadow_maps += before.shadow_maps;
         self.tested += before.tested;
         self.splits += before.splits;
         self.collapses += before.collapses;

@@ -11,6 +11,7 @@ mod film;
 mod flat;
 mod moves;
 mod plain;
+mod shadows;
 
 use chpm_build::{BuildConfig, Cancel, Settings, Silent, build};
 use chpm_import::ply::{Encoding, PlyWriter};
@@ -23,7 +24,7 @@ use std::sync::Arc;
 
 /// Triangles of a cluster, unless there are to be many clusters.
 const USUAL: u32 = 4096;
-const PARTS: &str = "clusters, flat, moves, calm, cold";
+const PARTS: &str = "clusters, flat, moves, calm, cold, shadows";
 
 fn main() -> Result<(), Box<dyn Error>> {
     // Cargo's own arguments start with dashes.
@@ -43,6 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         "calm" => calm::run(&gpu, &file(Shape::Terrain, 1_000_000, USUAL)?),
         "cold" => cold::run(&gpu, &file(Shape::Isosurface, 4_000_000, USUAL)?),
         "moves" => moves::run(&gpu, &file(Shape::Isosurface, 1_000_000, USUAL)?),
+        "shadows" => shadows::run(&gpu, &file(Shape::Isosurface, 4_000_000, USUAL)?),
         other => Err(format!("no part '{other}': there are {PARTS}").into()),
     }
 }

@@ -63,6 +63,8 @@ impl Viewer {
         for model in &mut self.models {
             // Answers to questions of frames before would come in between.
             model.asked.clear();
+            // Nor does it depend on what threw shadows then.
+            model.reach = None;
             model.pipelines.prepare(&self.gpu, Kind::Depth, 1)?;
         }
         let mut stats = Stats { poe, ..Stats::default() };
@@ -85,7 +87,13 @@ impl Viewer {
                 stats.newly_visible += news.clusters;
                 changed |= news != News::default();
             }
-            if !request.wait || !changed || !culling.occlusion || stats.rounds >= ROUNDS {
+            // What throws shadows on what is seen is as fine as the camera wants it there.
+            let is_shaded = request.look.shadows && request.select_from.is_none();
+            let seen: Vec<_> = eyes.iter().map(|eye| &eye.camera_uniform).collect();
+            let fit = if is_shaded { self.fit(&seen, Plan::Visible) } else { None };
+            let is_wider = self.reach(&seen, fit.as_ref());
+            let goes_on = changed && culling.occlusion || is_wider && is_shaded;
+            if !request.wait || !goes_on || stats.rounds >= ROUNDS {
                 break;
             }
         }
@@ -95,7 +103,7 @@ impl Viewer {
 
     /// Draws the depth of what is visible of all models and asks the boxes; answers what came into sight.
     fn test(&mut self, eyes: &[Eye], colors: &[Colors], stats: &mut Stats) -> Result<News, ViewerError> {
-        self.gather(colors, Plan::Visible, stats)?;
+        self.gather(colors, Plan::Visible, (None, None), stats)?;
 
         // Depth alone, waited for: its time is not that of the tests.
         let mut watch = Watch::start();

@@ -28,6 +28,8 @@ pub(super) struct CacheKey {
     culling: Culling,
     triangles: u64,
     clusters: u64,
+    /// Clusters and triangles that throw shadows.
+    shadows: [u64; 2],
     scale: Option<[f32; 2]>,
 }
 
@@ -82,7 +84,7 @@ impl Viewer {
         stats.times.refine += watch.lap().saturating_sub(stats.times.stall);
 
         // What is in the target may be what is asked for.
-        let moved = changes != Changes::default() || stats.newly_visible > 0;
+        let moved = changes != Changes::default() || stats.newly_visible > 0 || self.shadows_withheld;
         let last = self.drawn.filter(|last| request.kept && !moved && last.matches(request, culling));
         if let Some(last) = last {
             self.keep(&eyes, last, &mut stats);
@@ -97,7 +99,11 @@ impl Viewer {
         // Without numbered draws, what comes into sight is drawn once the answer is there.
         let at_once = self.gpu.features.contains(wgpu::Features::INDIRECT_FIRST_INSTANCE);
         let plan = if culling.occlusion && at_once { Plan::HiddenToo } else { Plan::Visible };
-        self.gather(&colors, plan, &mut stats)?;
+        let seen: Vec<_> = eyes.iter().map(|eye| &eye.camera_uniform).collect();
+        let fit = if look.has_shadows() { self.fit(&seen, Plan::Visible) } else { None };
+        self.reach(&seen, fit.as_ref());
+        self.gather(&colors, plan, (fit.as_ref(), deadline.most), &mut stats)?;
+        self.shadows_withheld = stats.shadows_withheld;
         let brought = watch.lap();
         for ((model, eye), colors) in self.models.iter_mut().zip(&eyes).zip(&colors) {
             model.write(&self.gpu, &eye.camera_uniform.uniform(colors.uniform()));
@@ -116,6 +122,9 @@ impl Viewer {
 
         // One submission: what is visible of all models, the tests against its depth, what they show.
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        if look.has_shadows() {
+            self.shade(&mut encoder, &seen, fit.as_ref(), &mut stats)?;
+        }
         let depth = Canvas::fit(&mut self.depth, &self.gpu, request.viewport);
         let color = Some(target.color).filter(|_| first[0] != Kind::Depth);
         let mut pass = passes::begin(&mut encoder, color, depth.view(), Some(look.background()));
@@ -140,6 +149,9 @@ impl Viewer {
             let (view, background) = (target.color, look.background());
             let picture = smooth::Picture { view, size: request.viewport, background };
             self.smooth(&mut encoder, picture, |model| model.list.count())?;
+        }
+        if let Some(color) = color.or(sampled.then_some(target.color)) {
+            self.darken(&mut encoder, color, &look, &self.camera_uniform(&request.camera, request))?;
         }
         self.gpu.queue.submit([encoder.finish()]);
 
@@ -169,6 +181,7 @@ impl Viewer {
             culling,
             triangles: stats.triangles,
             clusters: stats.clusters_drawn,
+            shadows: [stats.shadow_casters, stats.shadow_triangles],
             scale: stats.scale,
         });
         Ok(stats)
@@ -200,7 +213,7 @@ impl Viewer {
         }
 
         (stats.triangles, stats.clusters_drawn, stats.kept) = (last.triangles, last.clusters, true);
-        stats.scale = last.scale;
+        (stats.scale, [stats.shadow_casters, stats.shadow_triangles]) = (last.scale, last.shadows);
         self.count(stats);
         stats.times.occlusion += watch.lap();
     }

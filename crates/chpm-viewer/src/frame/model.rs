@@ -2,6 +2,7 @@
 
 use super::Deadline;
 use super::paint::Item;
+use super::shade::Caster;
 use super::share::Need;
 use crate::error::ViewerError;
 use crate::fetch::held_bytes;
@@ -9,12 +10,12 @@ use crate::gpu::arena::Resident;
 use crate::gpu::buffers::Canvas;
 use crate::gpu::camera_uniform::FrameUniform;
 use crate::gpu::{
-    Answers, Arena, CameraUniform, DrawBuffers, DrawList, Drawn, Gpu, Kind, Occlusion, Pipelines, Questions,
-    Sheets, TestBox, sheets,
+    Answers, Arena, CameraUniform, Casters, DrawBuffers, DrawList, Drawn, Gpu, Kind, Occlusion, Pipelines,
+    Questions, Sheets, TestBox, sheets,
 };
 use crate::request::{Budgets, FrameRequest};
 use crate::scene::visibility::{Sight, Subject};
-use crate::scene::{Culling, News, Scene, gpu_bytes};
+use crate::scene::{Culling, News, Reach, Scene, gpu_bytes};
 use crate::stats::Stats;
 use crate::tint::Tint;
 use crate::transform::Transform;
@@ -46,6 +47,13 @@ pub(super) struct Model {
     pub(super) shown: usize,
     /// On their way into the list.
     pub(super) items: Vec<Item>,
+    /// Clusters that throw shadows, in lists, and those of them that the GPU has.
+    pub(super) casters: Option<Casters>,
+    pub(super) thrown: Vec<Caster>,
+    /// Those that are not in the list of draws.
+    pub(super) unlisted: Vec<Member>,
+    /// From where shadows fall on what was seen in the last round.
+    pub(super) reach: Option<Reach>,
     /// Tests whose answers have not been taken in, and what they are about.
     pub(super) asked: VecDeque<(Vec<Subject>, Answers)>,
     /// By cluster: number of its first triangle; empty until ids are asked for.
@@ -128,6 +136,10 @@ impl Model {
             list: DrawList::new(Kind::Depth),
             shown: 0,
             items: Vec::new(),
+            casters: None,
+            thrown: Vec::new(),
+            unlisted: Vec::new(),
+            reach: None,
             asked: VecDeque::new(),
             keys: Vec::new(),
         })
@@ -219,7 +231,7 @@ impl Model {
 
         // What has come makes room for what is asked for.
         self.scene.receive(Some(Duration::ZERO))?;
-        stats.requested_bytes += self.scene.want(&eye.view, eye.culling);
+        stats.requested_bytes += self.scene.want(&eye.view, eye.culling, self.reach.as_ref());
         Ok(())
     }
 
@@ -342,7 +354,14 @@ impl Model {
         part: Range<usize>,
     ) {
         let pipeline = self.pipelines.get(kind, samples);
-        let drawn = Drawn { pipeline, arena: &self.arena, list: &self.list, sheets: self.sheets.as_ref() };
+        let shadows = self.casters.as_ref().filter(|_| kind.is_lit() && self.pipelines.shaded);
+        let drawn = Drawn {
+            pipeline,
+            arena: &self.arena,
+            list: &self.list,
+            sheets: self.sheets.as_ref(),
+            shadows: shadows.map(Casters::group),
+        };
         self.buffers.draw(gpu, pass, &drawn, part);
     }
 

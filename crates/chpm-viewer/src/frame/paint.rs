@@ -1,13 +1,14 @@
 //! From clusters to draws: what is sent to the GPU, what colour it has, and the final picture of a frame that waits.
 
 use super::model::Model;
+use super::shade::Fit;
 use super::{Canvas, Instant, Viewer, Watch, passes};
 use crate::error::ViewerError;
 use crate::frame::samples::{Mean, shifts};
 use crate::frame::smooth::Picture;
 use crate::gpu::arena::Resident;
 use crate::gpu::lighting::Lighting;
-use crate::gpu::{Gpu, Kind, Mark};
+use crate::gpu::{CameraUniform, Gpu, Kind, Mark};
 use crate::headless::{IdImage, Image, TriangleId};
 use crate::request::{Coloring, FrameRequest, Look, Shading, Target};
 use crate::scene::visibility::Sight;
@@ -57,6 +58,10 @@ impl Colors {
         Colors { kind: Kind::Identified, ..Colors::depth() }
     }
 
+    pub(super) fn has_shadows(&self) -> bool {
+        self.look.shadows && self.kind.is_lit()
+    }
+
     pub(super) fn kind(&self) -> Kind {
         self.kind
     }
@@ -101,7 +106,7 @@ pub(super) enum Plan {
 }
 
 impl Plan {
-    fn includes(self, sight: Sight) -> bool {
+    pub(super) fn includes(self, sight: Sight) -> bool {
         match self {
             Plan::Visible | Plan::VisibleById => sight == Sight::Visible,
             Plan::HiddenToo => sight != Sight::Outside,
@@ -109,7 +114,7 @@ impl Plan {
         }
     }
 
-    fn shows(self, sight: Sight) -> bool {
+    pub(super) fn shows(self, sight: Sight) -> bool {
         sight == Sight::Visible || self == Plan::Everything
     }
 
@@ -265,18 +270,19 @@ impl Model {
 
     /// Sends the triangles of positions that have moved, and puts what was chosen in order.
     fn arrange(&mut self, gpu: &Gpu, plan: Plan) {
-        for Item { member: Member { cluster, vertices }, .. } in &self.items {
+        let listed = self.items.iter().map(|item| item.member);
+        for Member { cluster, vertices } in listed.chain(self.unlisted.iter().copied()) {
             // A border inside a group comes with the whole group, and only then is all of what is about them there.
-            if self.arena.get(*cluster).is_some_and(|resident| *vertices > resident.turned())
-                && let Some((block, turned)) = self.scene.block(*cluster)
+            if self.arena.get(cluster).is_some_and(|resident| vertices > resident.turned())
+                && let Some((block, turned)) = self.scene.block(cluster)
             {
-                self.arena.turn(gpu, *cluster, (&block, turned));
+                self.arena.turn(gpu, cluster, (&block, turned));
             }
-            if self.arena.get(*cluster).is_none_or(|resident| resident.position().vertices != *vertices)
-                && let Some(page) = self.scene.page(*cluster)
+            if self.arena.get(cluster).is_none_or(|resident| resident.position().vertices != vertices)
+                && let Some(page) = self.scene.page(cluster)
             {
                 let chart_of = page.layout_of_sheet().map(|layout| &*layout.chart_of);
-                self.arena.move_to(gpu, *cluster, (&page.page().progressive_mesh(), chart_of), *vertices);
+                self.arena.move_to(gpu, cluster, (&page.page().progressive_mesh(), chart_of), vertices);
             }
         }
 
@@ -331,17 +337,22 @@ impl Model {
 }
 
 impl Viewer {
-    /// Makes the draw lists of a plan, and sees to it that the GPU has all of them.
+    /// Makes the draw lists of a plan and those of the shadows that are thrown on it, and sees to it that the GPU has all of them, of what throws
+    /// shadows beside the list at most so many bytes more.
     pub(super) fn gather(
         &mut self,
         colors: &[Colors],
         plan: Plan,
+        (fit, most): (Option<&Fit>, Option<u64>),
         stats: &mut Stats,
     ) -> Result<(), ViewerError> {
         let mut watch = Watch::start();
         self.now += 1;
         let now = self.now;
-        self.models.iter_mut().for_each(|model| model.choose(plan, now));
+        for (place, model) in self.models.iter_mut().enumerate() {
+            model.choose(plan, now);
+            model.choose_casters(plan, fit.map_or(&[], |fit| &fit.casters[place]), now);
+        }
         stats.times.pm += watch.lap();
 
         for (model, colors) in self.models.iter_mut().zip(colors) {
@@ -349,6 +360,7 @@ impl Viewer {
             if let Kind::Painted(_) = colors.kind {
                 model.send_sheets(&self.gpu, now)?;
             }
+            stats.shadows_withheld |= !model.bring_casters(&self.gpu, most, now)?;
         }
         stats.times.upload += watch.lap();
 
@@ -358,6 +370,10 @@ impl Viewer {
         stats.scale = span(spans.flatten().flatten());
         for (model, colors) in self.models.iter_mut().zip(colors) {
             model.enlist(colors, plan, stats.scale.unwrap_or_default(), now);
+        }
+        if let Some(fit) = fit {
+            self.make_casters(fit)?;
+            self.models.iter_mut().zip(&fit.casters).for_each(|(model, casters)| model.cast(casters));
         }
         stats.times.pm += watch.lap();
         Ok(())
@@ -379,15 +395,20 @@ impl Viewer {
         // A frozen selection is shown with all that it leaves out.
         let all = request.select_from.is_some() && look.look.colors == Coloring::Visibility;
         let plan = if all { Plan::Everything } else { Plan::VisibleById };
-        self.gather(colors, plan, stats)?;
-
-        let start = Instant::now();
         let camera_uniform = self.camera_uniform(&request.camera, request);
         let eyes = self.eyes(&request.camera, request, stats.poe)?;
+        let seen: Vec<_> = eyes.iter().map(|eye| &eye.camera_uniform).collect();
+        let fit = if look.has_shadows() { self.fit(&seen, plan) } else { None };
+        self.gather(colors, plan, (fit.as_ref(), None), stats)?;
+
+        let start = Instant::now();
         for ((model, eye), colors) in self.models.iter_mut().zip(&eyes).zip(colors) {
             model.write(&self.gpu, &eye.camera_uniform.shifted(shift).uniform(colors.uniform()));
         }
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        if look.has_shadows() {
+            self.shade(&mut encoder, &seen, fit.as_ref(), stats)?;
+        }
         let depth = Canvas::fit(&mut self.depth, &self.gpu, request.viewport);
         let once = color.filter(|_| first[0] != Kind::Depth);
         let mut pass = passes::begin(&mut encoder, once, depth.view(), Some(look.background()));
@@ -399,15 +420,8 @@ impl Viewer {
             let picture = Picture { view, size: request.viewport, background: look.background() };
             self.smooth(&mut encoder, picture, |model| model.shown)?;
         }
-        if let (Some(color), Some(format)) = (color, look.kind().format().filter(|_| look.look.studio)) {
-            if self.lighting.as_ref().is_none_or(|lighting| lighting.format() != format) {
-                self.lighting =
-                    Some(self.gpu.attempt("preparing the lighting", || Lighting::new(&self.gpu, format))?);
-            }
-            if let (Some(lighting), Some(depth)) = (&self.lighting, &self.depth) {
-                let uniform = camera_uniform.shifted(shift).uniform(look.uniform());
-                lighting.record(&self.gpu, &mut encoder, color, depth, &uniform);
-            }
+        if let Some(color) = color {
+            self.darken(&mut encoder, color, &look, &camera_uniform.shifted(shift))?;
         }
         self.gpu.queue.submit([encoder.finish()]);
         if request.wait {
@@ -419,6 +433,26 @@ impl Viewer {
         stats.clusters_drawn = self.models.iter().map(|model| model.shown as u64).sum();
         self.count(stats);
         self.camera_uniform = Some(camera_uniform);
+        Ok(())
+    }
+
+    /// Takes light from corners, where the look wants that.
+    pub(super) fn darken(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        color: &wgpu::TextureView,
+        look: &Colors,
+        camera_uniform: &CameraUniform,
+    ) -> Result<(), ViewerError> {
+        let is_darker = look.kind.is_lit() && (look.look.studio || look.look.occlusion);
+        let Some(format) = look.kind.format().filter(|_| is_darker) else { return Ok(()) };
+        if self.lighting.as_ref().is_none_or(|lighting| lighting.format() != format) {
+            let lighting = self.gpu.attempt("preparing the lighting", || Lighting::new(&self.gpu, format))?;
+            self.lighting = Some(lighting);
+        }
+        if let (Some(lighting), Some(depth)) = (&self.lighting, &self.depth) {
+            lighting.record(&self.gpu, encoder, color, depth, &camera_uniform.uniform(look.uniform()));
+        }
         Ok(())
     }
 
@@ -468,9 +502,12 @@ impl Viewer {
 
     pub(crate) fn ids(&mut self, request: &FrameRequest) -> Result<(IdImage, Stats), ViewerError> {
         let start = Instant::now();
+        // Nothing of light is seen.
+        let request = &FrameRequest { look: Look { shadows: false, ..request.look }, ..*request };
         self.check_size(request.viewport)?;
         self.number_triangles()?;
-        self.set_ways(false, request.clip.is_some());
+        self.set_ways(&request.look, request.clip.is_some());
+        self.models.iter_mut().for_each(|model| model.pipelines.one_sided = false);
         let canvas = self.canvas_of(request, "ids", crate::gpu::pipelines::IDS)?;
         self.drawn = None;
         let mut stats = self.converge(request)?;

@@ -11,7 +11,7 @@ use nalgebra::{Point3, Vector3};
 pub const WGSL: &str = include_str!("../shaders/camera_uniform.wgsl");
 
 /// The uniform; see `camera_uniform.wgsl`.
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct FrameUniform {
     eye_high: [f32; 4],
@@ -117,8 +117,7 @@ impl CameraUniform {
         let high = eye.map(|x| x as f32);
         let low = eye - high.map(f64::from);
         let [right, up, forward] = self.axes;
-        let [(aside, toward), (above, level)] = self.light.map(|angle| angle.to_radians().sin_cos());
-        let light = (right * aside - forward * toward) * level + up * above;
+        let light = self.toward_light();
         // Moved by what grows with the distance, so that it is the same everywhere in the image.
         let across = [0, 1].map(|axis| 2.0 * self.shift[axis] / f64::from(self.viewport[axis]));
         fn four(v: Vector3<f64>, w: f64) -> [f32; 4] {
@@ -142,6 +141,48 @@ impl CameraUniform {
             clip: four(self.clip.0, self.clip.1),
             stretch: four(self.stretch, 0.0),
         }
+    }
+
+    /// Axes of the key light: to the right and upward across it, and toward it. Those of a model that was put somewhere are the same in the
+    /// picture.
+    pub fn light_axes(&self) -> [Vector3<f64>; 3] {
+        let [right, up, _] = self.axes;
+        let light = self.toward_light();
+        let across = right - light * light.dot(&right);
+        // A light from the side has the image's height across it.
+        let across = if across.norm() > 0.1 { across } else { up - light * light.dot(&up) }.normalize();
+        [across, light.cross(&across), light]
+    }
+
+    fn toward_light(&self) -> Vector3<f64> {
+        let [right, up, forward] = self.axes;
+        let [(aside, toward), (above, level)] = self.light.map(|angle| angle.to_radians().sin_cos());
+        (right * aside - forward * toward) * level + up * above
+    }
+
+    /// The uniform of a map of shadows, which is seen by these rows: right, up, toward the light, each with what is added.
+    pub fn cast(&self, [right, up, forward]: [[f32; 4]; 3]) -> FrameUniform {
+        FrameUniform { right, up, forward, ..self.uniform([0; 4]) }
+    }
+
+    /// The eye.
+    pub fn eye(&self) -> Point3<f64> {
+        self.eye
+    }
+
+    /// To the right, upward, forward.
+    pub fn axes(&self) -> &[Vector3<f64>; 3] {
+        &self.axes
+    }
+
+    /// Tangents of half the angles across and up.
+    pub fn slopes(&self) -> [f64; 2] {
+        self.slopes
+    }
+
+    /// Factor on coordinates of the file.
+    pub fn stretch(&self) -> Vector3<f64> {
+        self.stretch
     }
 
     /// The point at the middle of a pixel with this depth; `None` for the background.

@@ -11,6 +11,7 @@ pub mod occlusion;
 pub mod passes;
 pub mod pipelines;
 pub mod probe;
+pub mod shadows;
 pub mod sheets;
 
 pub use arena::Arena;
@@ -21,4 +22,5 @@ pub use occlusion::{Answers, Occlusion, Questions, TestBox};
 pub use passes::{DrawBuffers, DrawList, Drawn, Mark};
 pub use pipelines::{Kind, Pipelines};
 pub use probe::Probe;
+pub use shadows::{Casters, ShadowMap};
 pub use sheets::Sheets;

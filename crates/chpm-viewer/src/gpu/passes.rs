@@ -151,6 +151,8 @@ pub struct Drawn<'a> {
     pub list: &'a DrawList,
     /// Their sheets.
     pub sheets: Option<&'a Sheets>,
+    /// The map of shadows that falls on them, where the pipeline is one with shadows.
+    pub shadows: Option<&'a wgpu::BindGroup>,
 }
 
 /// The buffers of a list on the GPU.
@@ -201,9 +203,12 @@ impl DrawBuffers {
 
     /// Draws a part of the list that was sent.
     pub fn draw(&self, gpu: &Gpu, pass: &mut wgpu::RenderPass<'_>, drawn: &Drawn<'_>, part: Range<usize>) {
-        let Drawn { pipeline: Some(pipeline), arena, list, sheets } = *drawn else { return };
+        let Drawn { pipeline: Some(pipeline), arena, list, sheets, shadows } = *drawn else { return };
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &self.group, &[]);
+        if let Some(shadows) = shadows {
+            pass.set_bind_group(3, shadows, &[]);
+        }
         for (slab, texture, run) in &list.runs {
             let (start, end) = (run.start.max(part.start as u32), run.end.min(part.end as u32));
             if start >= end {

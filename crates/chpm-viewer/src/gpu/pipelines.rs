@@ -26,12 +26,14 @@ pub enum Kind {
     Wired(TextureFormat),
     /// Ids.
     Identified,
+    /// Depth in the map of shadows, as the light has it.
+    Cast,
 }
 
 impl Kind {
     /// Whether triangles are drawn by their indices; otherwise the shader fetches them.
     pub fn is_indexed(self) -> bool {
-        matches!(self, Kind::Depth | Kind::Bare(_) | Kind::Colored(_))
+        matches!(self, Kind::Depth | Kind::Cast | Kind::Bare(_) | Kind::Colored(_))
     }
 
     /// Words of the arguments of one draw.
@@ -44,10 +46,15 @@ impl Kind {
         self.format().is_some_and(|format| format.is_srgb())
     }
 
+    /// Whether light falls on it.
+    pub fn is_lit(self) -> bool {
+        !matches!(self, Kind::Depth | Kind::Cast | Kind::Identified)
+    }
+
     /// Texture format of the output; none for depth alone.
     pub fn format(self) -> Option<TextureFormat> {
         match self {
-            Kind::Depth => None,
+            Kind::Depth | Kind::Cast => None,
             Kind::Bare(format) | Kind::Colored(format) | Kind::Painted(format) | Kind::Wired(format) => {
                 Some(format)
             }
@@ -56,8 +63,24 @@ impl Kind {
     }
 }
 
-/// Key of a pipeline: output, one-sided or not, clipped or not, samples a pixel.
-type Way = (Kind, bool, bool, u32);
+/// Key of a pipeline: output, one-sided or not, clipped or not, with shadows or not, samples a pixel.
+type Way = (Kind, bool, bool, bool, u32);
+
+/// Changes of the shaders that draw clusters where shadows fall: of a smooth surface, how far a point is below the one that its normals stand for
+/// takes one vector more from vertices to pixels.
+const SHADED: [(&str, &str); 5] = [
+    ("across: vec3<f32>,", "across: vec3<f32>,\n    @location(7) anchor: vec3<f32>,"),
+    ("seen.across, seen.color", "seen.across, seen.anchor, seen.color"),
+    (
+        "    seen.color = PLAIN;",
+        "    seen.anchor = bent(seen.at, seen.straight, seen.across);\n    seen.color = PLAIN;",
+    ),
+    ("light(facing_plane(seen.at), seen.at)", "shaded(facing_plane(seen.at), seen.at)"),
+    (
+        "light(smoothed(seen.at, seen.straight, seen.across), seen.at)",
+        "shaded_smoothly(seen.at, seen.straight, seen.across, seen.anchor)",
+    ),
+];
 
 /// The pipelines that draw clusters; made when they are first used.
 #[derive(Debug)]
@@ -65,6 +88,9 @@ pub struct Pipelines {
     shader: wgpu::ShaderModule,
     /// The same for several samples a pixel, where that makes a difference.
     sampled: Option<wgpu::ShaderModule>,
+    /// The same two with shadows; made when they are first used.
+    shadowed: [Option<wgpu::ShaderModule>; 2],
+    has_sheets: bool,
     layout: wgpu::PipelineLayout,
     /// Frame and draws.
     pub frame: wgpu::BindGroupLayout,
@@ -73,10 +99,16 @@ pub struct Pipelines {
     /// A texture of sheets; nothing else binds it.
     pub sheets: wgpu::BindGroupLayout,
     painted: wgpu::PipelineLayout,
+    /// The map of shadows, and how it is looked up.
+    pub shadows: wgpu::BindGroupLayout,
+    /// The same two layouts with it.
+    with_shadows: [wgpu::PipelineLayout; 2],
     /// Whether what is drawn next shows its front sides only.
     pub one_sided: bool,
     /// Whether what is drawn next is clipped.
     pub clipped: bool,
+    /// Whether shadows fall on what is drawn next.
+    pub shaded: bool,
     /// Whether vertices have colours.
     colors: bool,
     made: Vec<(Way, wgpu::RenderPipeline)>,
@@ -86,25 +118,16 @@ impl Pipelines {
     /// None yet, for files with or without colours, and with or without sheets.
     pub fn new(gpu: &Gpu, colors: bool, has_sheets: bool) -> Self {
         let device = &gpu.device;
-        let shown = include_str!("../shaders/depth_shown.wgsl");
-        let kept = match gpu.writes_depth() {
-            true => [include_str!("../shaders/depth_written.wgsl"), shown],
-            false => [include_str!("../shaders/depth_kept.wgsl"), ""],
-        };
-        let sheets = if has_sheets { include_str!("../shaders/sheets.wgsl") } else { "" };
-        let clusters = &[include_str!("../shaders/clusters.wgsl"), sheets].concat();
-        let shader = gpu.shader(&[camera_uniform::WGSL, kept[0], kept[1], clusters]);
+        let shader = module(gpu, has_sheets, false, false);
         // A depth that is written is that of all samples of a pixel, unless each is looked at on its own.
-        let sampled = (gpu.writes_depth() && gpu.multisamples()).then(|| {
-            let apart = "@location(0) @interpolate(perspective, sample) at:";
-            let kept = include_str!("../shaders/depth_sampled.wgsl");
-            gpu.shader(&[camera_uniform::WGSL, kept, shown, &clusters.replace("@location(0) at:", apart)])
-        });
+        let sampled =
+            (gpu.writes_depth() && gpu.multisamples()).then(|| module(gpu, has_sheets, true, false));
         let both = ShaderStages::VERTEX_FRAGMENT;
         let frame = layout(gpu, "frame", &[(both, UNIFORM), (ShaderStages::VERTEX, READ)]);
         let slab = layout(gpu, "clusters", &[(ShaderStages::VERTEX, READ)]);
         let pixels = ShaderStages::FRAGMENT;
         let sheets = layout(gpu, "sheets", &[(pixels, TEXTURE), (pixels, SAMPLER)]);
+        let shadows = layout(gpu, "shadows", &[UNIFORM, DEPTH_MAP, COMPARES].map(|it| (pixels, it)));
         let of = |bind_group_layouts: &[Option<&wgpu::BindGroupLayout>]| {
             let label = Some("clusters");
             let descriptor = wgpu::PipelineLayoutDescriptor { label, bind_group_layouts, immediate_size: 0 };
@@ -112,16 +135,23 @@ impl Pipelines {
         };
         let painted = of(&[Some(&frame), Some(&slab), Some(&sheets)]);
         let layout = of(&[Some(&frame), Some(&slab)]);
+        let with_shadows =
+            [None, Some(&sheets)].map(|it| of(&[Some(&frame), Some(&slab), it, Some(&shadows)]));
         Pipelines {
             shader,
             sampled,
+            shadowed: [None, None],
+            has_sheets,
             layout,
             frame,
             slab,
             sheets,
             painted,
+            shadows,
+            with_shadows,
             one_sided: false,
             clipped: false,
+            shaded: false,
             colors,
             made: Vec::new(),
         }
@@ -144,8 +174,22 @@ impl Pipelines {
         Ok(())
     }
 
-    fn make(&self, gpu: &Gpu, kind: Kind, samples: u32) -> wgpu::RenderPipeline {
-        let shader = self.sampled.as_ref().filter(|_| samples > 1).unwrap_or(&self.shader);
+    fn make(&mut self, gpu: &Gpu, kind: Kind, samples: u32) -> wgpu::RenderPipeline {
+        let apart = self.sampled.is_some() && samples > 1;
+        let is_shaded = self.shaded && kind.is_lit();
+        if is_shaded || kind == Kind::Cast {
+            self.shadowed[usize::from(apart)]
+                .get_or_insert_with(|| module(gpu, self.has_sheets, apart, true));
+        }
+        let shaded = self.shadowed[usize::from(apart)].as_ref().filter(|_| is_shaded || kind == Kind::Cast);
+        let plain = self.sampled.as_ref().filter(|_| apart).unwrap_or(&self.shader);
+        let shader = shaded.unwrap_or(plain);
+        let is_painted = matches!(kind, Kind::Painted(_));
+        let layout = match (is_shaded, is_painted) {
+            (true, _) => &self.with_shadows[usize::from(is_painted)],
+            (false, true) => &self.painted,
+            (false, false) => &self.layout,
+        };
         let (vertex, fragment) = match kind {
             Kind::Depth if self.clipped => ("bare", Some("deep_cut")),
             Kind::Depth => ("depth_only", gpu.writes_depth().then_some("deep")),
@@ -154,10 +198,12 @@ impl Pipelines {
             Kind::Painted(_) => ("pulled_painted", Some("painted")),
             Kind::Wired(_) => ("pulled", Some("wired")),
             Kind::Identified => ("pulled", Some("identified")),
+            Kind::Cast if self.clipped => ("mapped_cut", Some("uncut")),
+            Kind::Cast => ("mapped", None),
         };
 
         let target = [kind.format().map(wgpu::ColorTargetState::from)];
-        let targets = if kind == Kind::Depth { &[][..] } else { &target };
+        let targets = if kind.format().is_none() { &[][..] } else { &target };
         // Decided here, since a processor that draws would decide for each pixel, and do both.
         let constants = [
             ("unit", f64::from(words_of_unit(self.colors))),
@@ -184,7 +230,7 @@ impl Pipelines {
 
         gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some("clusters"),
-            layout: Some(if matches!(kind, Kind::Painted(_)) { &self.painted } else { &self.layout }),
+            layout: Some(layout),
             vertex: wgpu::VertexState {
                 module: shader,
                 entry_point: Some(vertex),
@@ -192,7 +238,8 @@ impl Pipelines {
                 buffers: if kind.is_indexed() { &vertices } else { &[] },
             },
             primitive: wgpu::PrimitiveState {
-                cull_mode: self.one_sided.then_some(wgpu::Face::Back),
+                // Light is stopped by both sides of a surface, whichever is drawn.
+                cull_mode: (self.one_sided && kind != Kind::Cast).then_some(wgpu::Face::Back),
                 ..wgpu::PrimitiveState::default()
             },
             depth_stencil: Some(wgpu::DepthStencilState {
@@ -215,7 +262,7 @@ impl Pipelines {
     }
 
     fn way(&self, kind: Kind, samples: u32) -> Way {
-        (kind, self.one_sided, self.clipped, samples)
+        (kind, self.one_sided, self.clipped, self.shaded && kind.is_lit(), samples)
     }
 
     /// A pipeline that was prepared.
@@ -223,6 +270,28 @@ impl Pipelines {
         let wanted = self.way(kind, samples);
         self.made.iter().find(|(made, _)| *made == wanted).map(|(_, pipeline)| pipeline)
     }
+}
+
+/// The shaders that draw clusters: for pixels or for each sample of one, and with shadows or without.
+fn module(gpu: &Gpu, has_sheets: bool, apart: bool, shaded: bool) -> wgpu::ShaderModule {
+    let shown = include_str!("../shaders/depth_shown.wgsl");
+    let kept = match (gpu.writes_depth(), apart) {
+        (true, true) => [include_str!("../shaders/depth_sampled.wgsl"), shown],
+        (true, false) => [include_str!("../shaders/depth_written.wgsl"), shown],
+        (false, _) => [include_str!("../shaders/depth_kept.wgsl"), ""],
+    };
+    let sheets = if has_sheets { include_str!("../shaders/sheets.wgsl") } else { "" };
+    let mut clusters = [include_str!("../shaders/clusters.wgsl"), sheets].concat();
+    if shaded {
+        for (plain, with_shadows) in SHADED {
+            clusters = clusters.replace(plain, with_shadows);
+        }
+        clusters.push_str(include_str!("../shaders/shadows.wgsl"));
+    }
+    if apart {
+        clusters = clusters.replace("@location(0) at:", "@location(0) @interpolate(perspective, sample) at:");
+    }
+    gpu.shader(&[camera_uniform::WGSL, kept[0], kept[1], &clusters])
 }
 
 /// A uniform.
@@ -247,6 +316,15 @@ pub const DEPTH_TEXTURE: BindingType = BindingType::Texture {
     view_dimension: wgpu::TextureViewDimension::D2,
     multisampled: false,
 };
+
+/// Depth that is compared with.
+pub const DEPTH_MAP: BindingType = BindingType::Texture {
+    sample_type: wgpu::TextureSampleType::Depth,
+    view_dimension: wgpu::TextureViewDimension::D2,
+    multisampled: false,
+};
+/// How it is.
+pub const COMPARES: BindingType = BindingType::Sampler(wgpu::SamplerBindingType::Comparison);
 
 /// Colours that are read between their texels.
 pub const TEXTURE: BindingType = BindingType::Texture {
@@ -301,4 +379,21 @@ pub fn group<'a>(
         .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource: resource.clone() });
     let entries: Vec<_> = entries.collect();
     gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shadows_find_what_they_change() {
+        let clusters = include_str!("../shaders/clusters.wgsl");
+        let sheets = include_str!("../shaders/sheets.wgsl");
+        for (plain, _) in SHADED {
+            assert!(clusters.contains(plain), "{plain}");
+        }
+        for plain in [SHADED[0].0, SHADED[1].0, SHADED[4].0] {
+            assert!(sheets.contains(plain), "{plain}");
+        }
+    }
 }

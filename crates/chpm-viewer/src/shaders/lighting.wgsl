@@ -55,10 +55,10 @@ fn contact(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
         normal = normalize(cross(evened(slope(pixel, at, vec2(1, 0))), evened(slope(pixel, at, vec2(0, 1)))));
         normal = select(normal, -normal, dot(normal, at) > 0.0);
     } else {
-        // The ground, if the sight goes down to it from above.
+        // The ground of a studio, if the sight goes down to it from above.
         let sight = ray(position.xy);
         let down = dot(sight, frame.sky.xyz);
-        if !(frame.sky.w < 0.0 && down < 0.0) {
+        if !(frame.look.w == 1u && frame.sky.w < 0.0 && down < 0.0) {
             return vec4(1.0);
         }
         at = sight * (frame.sky.w / down);

@@ -294,6 +294,10 @@ impl App {
             Command::Shading => settings.smooth = !settings.smooth,
             Command::Colors => settings.next_colors(),
             Command::Wireframe => settings.wireframe = !settings.wireframe,
+            Command::Shadows => {
+                let now = self.canvas.as_ref().is_some_and(|canvas| settings.shades(&canvas.gpu));
+                settings.shadows = Some(!now);
+            }
             Command::Occlusion => settings.occlusion_culling = !settings.occlusion_culling,
             Command::Frustum => settings.frustum_culling = !settings.frustum_culling,
             Command::Clip => settings.next_clip(),
@@ -518,6 +522,7 @@ impl App {
             memory: self.options.budgets.memory,
             gpu_memory: self.options.budgets.gpu_memory,
             smooth: gpu.multisamples().then(|| self.settings.smooths(gpu)),
+            shadows: self.settings.shades(gpu),
             up: session.navigator.upward(),
             frozen: session.frozen.is_some(),
             recording: session.recorder.as_ref().map(Recorder::seconds),

@@ -37,6 +37,8 @@ pub enum Command {
     Colors,
     /// Edges or none.
     Wireframe,
+    /// Shadows and darker corners, or none.
+    Shadows,
     /// Draws what is hidden, or not.
     Occlusion,
     /// Draws what is outside the image, or not.
@@ -90,7 +92,7 @@ const fn ctrl(code: KeyCode, key: &'static str, command: Command, does: &'static
 }
 
 /// All keys, but for those of flight.
-pub const KEYS: [Binding; 27] = [
+pub const KEYS: [Binding; 28] = [
     key(KeyCode::Home, "Home", Command::Home, "the whole model, from the front, upright, in the usual light"),
     key(KeyCode::KeyF, "F", Command::Fit, "the whole model, from this side"),
     key(KeyCode::KeyG, "G", Command::Fly, "drags look around (fly) or go around (orbit)"),
@@ -105,6 +107,7 @@ pub const KEYS: [Binding; 27] = [
     key(KeyCode::KeyN, "N", Command::Shading, "flat or smooth shading"),
     key(KeyCode::KeyC, "C", Command::Colors, "next colours"),
     key(KeyCode::KeyL, "L", Command::Wireframe, "edges"),
+    key(KeyCode::KeyH, "H", Command::Shadows, "shadows"),
     key(KeyCode::KeyO, "O", Command::Occlusion, "occlusion culling"),
     key(KeyCode::KeyB, "B", Command::Frustum, "frustum culling"),
     key(KeyCode::KeyX, "X", Command::Freeze, "freeze the selection and look at it from elsewhere"),

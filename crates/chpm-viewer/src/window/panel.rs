@@ -25,6 +25,8 @@ pub(super) struct About<'a> {
     pub(super) gpu_memory: Bytes,
     /// When edges are smooth; none where the adapter cannot do it.
     pub(super) smooth: Option<Smooth>,
+    /// Whether there are shadows.
+    pub(super) shadows: bool,
     pub(super) up: Up,
     pub(super) frozen: bool,
     /// Seconds of a recording that goes on.
@@ -195,6 +197,8 @@ fn drawn(ui: &mut Ui, figures: &Figures) {
     row(ui, "newly visible", &count(last.newly_visible));
     row(ui, "splits / collapses", &format!("{} / {}", count(last.splits), count(last.collapses)));
     row(ui, "vertex steps", &count(last.pm_steps));
+    let shadows = format!("{} / {}", count(last.shadow_casters), count(last.shadow_triangles));
+    row(ui, "shadows: clusters / triangles", &shadows);
     row(ui, "withheld / stalls", &format!("{} / {}", count(last.withheld), count(figures.stalls())));
 }
 
@@ -278,6 +282,13 @@ fn look(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, last: &Stats, c
         scalar_legend(ui, scalar);
     }
 
+    ui.horizontal(|ui| {
+        ui.label(RichText::new("light").color(QUIET));
+        let mut shadows = about.shadows;
+        if ui.toggle_value(&mut shadows, "shadows").on_hover_text("and darker corners").changed() {
+            settings.shadows = Some(shadows);
+        }
+    });
     ui.horizontal(|ui| {
         ui.label(RichText::new("antialiasing").color(QUIET));
         match about.smooth {
@@ -413,6 +424,7 @@ mod tests {
             memory: Bytes::mib(1024),
             gpu_memory: Bytes::mib(512),
             smooth: Some(Smooth::Rest),
+            shadows: true,
             up: Up::ALL[0],
             frozen: true,
             recording: Some(1234.5),

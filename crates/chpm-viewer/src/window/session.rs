@@ -210,7 +210,7 @@ impl Session {
             samples: settings.smooths(self.viewer.gpu()).samples(rests),
             clip: settings.plane(&self.viewer.bounds(), self.viewer.origin()),
             patience: Duration::from_secs_f64(1e-3 * patience),
-            ..settings.request(self.camera, size, self.frozen.map(|(camera, _)| camera))
+            ..settings.request_on(self.viewer.gpu(), self.camera, size, self.frozen.map(|(camera, _)| camera))
         }
     }
 
@@ -258,7 +258,7 @@ impl Session {
             wait: true,
             samples: SAMPLES,
             clip,
-            ..settings.request(self.camera, size, frozen)
+            ..settings.request_on(self.viewer.gpu(), self.camera, size, frozen)
         };
         Ok(headless::image(&mut self.viewer, &request)?.0)
     }

@@ -61,6 +61,8 @@ pub struct Settings {
     pub smooth: bool,
     /// When edges have no stairs, whatever the adapter; if not told, a processor that draws does it at rest, and others always.
     pub antialias: Option<Smooth>,
+    /// Whether the key light throws shadows and corners are darker, whatever the adapter; if not told, unless a processor draws.
+    pub shadows: Option<bool>,
     /// Where the key light is: degrees to the right of the eye, and above it.
     pub light: [f64; 2],
     /// Which axis a clipping plane is across: a place in [`Up::ALL`], from 1; 0 for no plane.
@@ -98,6 +100,7 @@ impl Default for Settings {
             adaptive: true,
             smooth: true,
             antialias: None,
+            shadows: None,
             light: Look::LIGHT,
             clip: 0,
             clip_share: 0.5,
@@ -130,6 +133,11 @@ impl Settings {
         if gpu.multisamples() { self.antialias.unwrap_or(usual) } else { Smooth::Off }
     }
 
+    /// Whether there are shadows, on this adapter.
+    pub fn shades(&self, gpu: &Gpu) -> bool {
+        self.shadows.unwrap_or(!gpu.is_software())
+    }
+
     /// How fine the mesh is at rest.
     pub fn accuracy(&self) -> Accuracy {
         if self.budgeted { Accuracy::Triangles(self.triangles) } else { Accuracy::PoE(self.poe) }
@@ -145,8 +153,20 @@ impl Settings {
         }
     }
 
-    /// One frame with these settings, not waiting.
-    pub fn request(&self, camera: Camera, viewport: [u32; 2], select_from: Option<Camera>) -> FrameRequest {
+    /// One frame with these settings on this adapter, not waiting.
+    pub fn request_on(
+        &self,
+        gpu: &Gpu,
+        camera: Camera,
+        viewport: [u32; 2],
+        select_from: Option<Camera>,
+    ) -> FrameRequest {
+        let shades = self.shades(gpu);
+        let request = self.request(camera, viewport, select_from);
+        FrameRequest { look: Look { shadows: shades, occlusion: shades, ..request.look }, ..request }
+    }
+
+    fn request(&self, camera: Camera, viewport: [u32; 2], select_from: Option<Camera>) -> FrameRequest {
         FrameRequest {
             accuracy: self.accuracy(),
             look: Look {
@@ -258,7 +278,9 @@ mod tests {
     fn settings_are_text_and_back() {
         for (colors, ..) in Coloring::ALL {
             for antialias in [None, Some(Smooth::Off), Some(Smooth::Rest), Some(Smooth::Always)] {
-                let settings = Settings { colors, antialias, poe: 0.3, smooth: true, ..Settings::default() };
+                let shadows = antialias.map(|smooth| smooth == Smooth::Rest);
+                let settings =
+                    Settings { colors, antialias, shadows, poe: 0.3, smooth: true, ..Settings::default() };
                 let text = toml::to_string(&settings).unwrap();
                 assert_eq!(toml::from_str::<Settings>(&text).unwrap(), settings);
             }

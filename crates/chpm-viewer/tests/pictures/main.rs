@@ -27,6 +27,8 @@ mod raster;
 mod reference;
 /// Smooth shading shows no borders of clusters.
 mod seams;
+/// Shadows of the key light.
+mod shadows;
 /// Edges without stairs in frames that do not wait.
 mod smooth;
 /// Two models in one picture.
