@@ -45,9 +45,11 @@ pub struct ShadowMap {
 }
 
 impl ShadowMap {
-    /// Side of a map for an image: two texels for a pixel where there is room.
+    /// Side of a map for an image: two texels for a pixel where there is room. Where a processor draws, filling it is what takes long: a smaller
+    /// one has to do.
     pub fn side(gpu: &Gpu, [width, height]: [u32; 2]) -> u32 {
-        let wanted = (2 * width.max(height)).next_power_of_two().clamp(SIDES.start, SIDES.end);
+        let most = if gpu.is_software() { SIDES.end / 2 } else { SIDES.end };
+        let wanted = (2 * width.max(height)).next_power_of_two().clamp(SIDES.start, most);
         wanted.min(1 << gpu.device.limits().max_texture_dimension_2d.ilog2())
     }
 
