@@ -37,7 +37,7 @@ pub(crate) struct CrsArgs {
 }
 
 impl CrsArgs {
-    /// What is typed, or what the file tells, unless the model `is_elsewhere`.
+    /// The system that is typed, or that the file tells unless the model `is_elsewhere`.
     ///
     /// # Errors
     /// If the file tells a system that is not known, or there is none that heights are of.

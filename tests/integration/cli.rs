@@ -73,7 +73,7 @@ fn errors_name_the_file_that_they_are_about() {
     folder.write("scans.conf", "bmesh ball.ply 0 0 0 0 0 0 1\nbmesh absent.ply 0 0 0 0 0 0 1\n");
     folder.write("far.path", "chpm-path 1\n0 0 1e300 0 0 0 0 1 0 45\n");
     for (words, names) in [
-        ("build scans.conf -o x.chpm -q", "scans.conf: scan 1: cannot read absent.ply"),
+        ("build scans.conf -o x.chpm -q", "scans.conf: its mesh 1: cannot read absent.ply"),
         ("extract ball.chpm --poe 1 --camera 0,0,1e300,0,0,0 -o x.ply -q", "'ball.chpm'"),
         ("walk ball.chpm far.path -q", "frame 0 of 'far.path'"),
     ] {

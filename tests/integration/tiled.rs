@@ -161,6 +161,16 @@ fn formats_and_attributes_of_tiles_may_differ() {
         let expected = if position[0] > 50.0 { [0.0, 1.0, 0.0] } else { [0.0, 0.0, 1.0] };
         assert_eq!(*normal, expected, "{position:?}");
     }
+    // Where another one has none, there are none.
+    folder.write("some.tiles", "tiles\na.obj\nd.ply\n");
+    let some = built(&folder, "some.tiles");
+    assert!(some["normals"] == false && some["warnings"].to_string().contains("normals"), "{some}");
+    // So it is with scans; each turns its own.
+    folder.write("two.conf", "bmesh a.obj 0 0 0 0 0 0 1\nbmesh b.obj 0 0 0 1 0 0 0\n");
+    folder.stdout(&format!("build two.conf {BUILD}"));
+    let out = finest(&folder, "two.chpm");
+    assert!(out.positions.iter().zip(&out.normals).any(|(p, n)| p[0] > 50.0 && n[1] == -1.0));
+    assert!(out.positions.iter().zip(&out.normals).all(|(p, n)| (p[0] > 50.0) == (n[2] != 1.0)));
 }
 
 /// A square of `color` at `x`, as an OBJ with an image.
@@ -229,6 +239,21 @@ fn what_is_wrong_with_a_list_of_tiles_is_named() {
         let error = folder.stderr(&format!("build other.tiles -o x.chpm {BUILD}"), 2);
         assert!(error.contains(words) && error.contains("other.tiles"), "{list}: {error}");
     }
+    // A vertex of both is too far away; where no face has it, nothing is wrong.
+    let far = |name: &str, faces: Vec<[u32; 3]>| {
+        let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1e37, 0.0, 0.0]];
+        folder.write_mesh(name, &TriMesh::new(positions, faces));
+    };
+    far("far.ply", vec![[0, 1, 2]]);
+    far("used.ply", vec![[0, 1, 3]]);
+    folder.write("far.tiles", "tiles\nfar.ply\nused.ply\n");
+    let error = folder.stderr(&format!("build far.tiles -o x.chpm {BUILD}"), 2);
+    assert!(
+        ["far.tiles", "vertex 3", "farther from zero"].iter().all(|told| error.contains(told)),
+        "{error}"
+    );
+    far("used.ply", vec![[0, 2, 1]]);
+    built(&folder, "far.tiles");
     let piped = super::harness::shell(&folder, "cat tiles.tiles | chpm build - -o x.chpm -q");
     assert!(String::from_utf8_lossy(&piped.stderr).contains("list of tiles"));
     assert!(!folder.path("x.chpm").exists());

@@ -37,6 +37,8 @@ pub(crate) struct FileSet {
     /// Counts of what was delivered, and those of the files before.
     counts: Counts,
     before: Counts,
+    /// Whether corners of the file that is being read have normals.
+    has_corner_normals: bool,
     /// Files that have materials and no images.
     plain: u64,
     read: SourceInfo,
@@ -96,7 +98,9 @@ impl FileSet {
 
         // Each file is to give the same in the same order.
         let keep = Keep { all: false, names: scalars.iter().map(|scalar| scalar.name.clone()).collect() };
-        let options = Options { normals: attributes.normals, colors: attributes.colors, keep, ..options };
+        // Where no file has normals of vertices, corners of faces may have some.
+        let normals = options.normals && (attributes.normals || !some.normals);
+        let options = Options { normals, colors: attributes.colors, keep, ..options };
         let format = VertexFormat { coordinates: coordinates.unwrap_or(Coordinates::Single), attributes };
         Ok(FileSet {
             list: list.to_owned(),
@@ -110,6 +114,7 @@ impl FileSet {
             at: 0,
             counts: Counts::default(),
             before: Counts::default(),
+            has_corner_normals: false,
             plain: 0,
             read,
         })
@@ -142,6 +147,7 @@ impl FileSet {
             at: 0,
             counts: Counts::default(),
             before: Counts::default(),
+            has_corner_normals: false,
             plain: 0,
             read: SourceInfo {
                 encoding: encoding.clone(),
@@ -194,6 +200,7 @@ impl FileSet {
             batch.listed_normals.iter_mut().for_each(|normal| turn(normal, pose));
         }
         self.counts.normals += batch.listed_normals.len() as u64;
+        self.has_corner_normals |= !batch.corner_normals.is_empty();
 
         match kind {
             BatchKind::Vertices => {
@@ -218,9 +225,14 @@ impl FileSet {
                 self.counts.faces += (batch.triangles.len() + batch.polygons.iter().count()) as u64;
             }
             BatchKind::End => {
-                self.end_file()?;
-                // Nothing came of this call, and more may come.
+                // More may come.
                 *batch = Batch::default();
+                let has_some = self.format.attributes.normals || self.has_corner_normals;
+                if self.options.normals && !has_some && self.counts.vertices > base {
+                    // Of all files, this one has none.
+                    batch.corner_normals.push([first, u32::MAX]);
+                }
+                self.end_file()?;
                 return Ok(BatchKind::Vertices);
             }
         }
@@ -244,7 +256,7 @@ impl FileSet {
             self.plain += u64::from(info.textures.is_none() && !numbers.is_empty());
             self.counts.materials = add(&mut all.textures, info.textures, numbers);
         }
-        self.before = self.counts;
+        (self.before, self.has_corner_normals) = (self.counts, false);
         self.at += 1;
         Ok(())
     }

@@ -70,7 +70,7 @@ impl Extent {
     }
 }
 
-/// What has come of the vertices of all tiles.
+/// New numbers of the vertices of all tiles.
 pub(crate) struct NewNumbers {
     /// The new number of each: that of another one if it is left out.
     of: Buffer<u32>,

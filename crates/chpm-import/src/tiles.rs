@@ -168,9 +168,13 @@ impl TileSet {
         for vertex in &read.invalid_vertices {
             batch.invalid_vertices.push(numbers.get(*vertex as u32)?.into());
         }
+        let own = batch.first..self.delivered;
         for mut place in read.far.drain(..) {
             place.index = numbers.get(place.index as u32)?.into();
-            batch.far.push(place);
+            // Another one that it became one with is as far.
+            if own.contains(&place.index) {
+                batch.far.push(place);
+            }
         }
 
         let faces = read.triangles.as_flattened_mut().iter_mut().chain(read.polygons.corners_mut());
@@ -187,7 +191,7 @@ impl TileSet {
         let own = numbers.of_tile(tile);
         for [vertex, normal] in &read.corner_normals {
             let vertex = numbers.get(*vertex)?;
-            if own.contains(&vertex) {
+            if own.contains(&vertex) || *normal == u32::MAX {
                 batch.corner_normals.push([vertex, *normal]);
             }
         }
