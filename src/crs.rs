@@ -82,6 +82,7 @@ impl Crs {
         };
         let name = format!("{self} {}", self.geoid);
         let reprojection = Reprojection::new(name, corners, Arc::new(map))?;
+        ensure!(!reprojection.is_mirror(), "{self} has axes to the south and west, which mirror a mesh");
         Ok((Placed { matrix, crs: Some(self.clone()), warning: None }, reprojection))
     }
 }
@@ -141,6 +142,19 @@ mod tests {
         for bad in ["", "EPSG:", "ESRI:102100", "EPSG:1", "EPSG:99999", "EPSG:4326", "EPSG:4978", "utm"] {
             assert!(bad.parse::<Crs>().is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn a_mirror_image_is_refused() {
+        let place = |code: &str, [x, y]: [f64; 2]| {
+            let placed = code.parse::<Crs>().unwrap().place([[x, y, 0.0], [x + 100.0, y + 100.0, 10.0]]);
+            placed.map_err(|error| error.to_string()).err().unwrap_or_default()
+        };
+        // In Slovakia, by axes to the south and west, and to the east and north.
+        assert!(place("EPSG:8352", [1_280_000.0, 500_000.0]).contains("mirror"));
+        assert_eq!(place("EPSG:8353", [-500_000.0, -1_280_000.0]), "");
+        // In South Africa both are turned, which mirrors nothing.
+        assert_eq!(place("EPSG:2048", [10_000.0, 3_700_000.0]), "");
     }
 
     #[test]

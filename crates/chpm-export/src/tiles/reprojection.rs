@@ -77,6 +77,11 @@ impl Reprojection {
         Ok(Reprojection { name, map, turn, scale: scale * (1.0 + 1e-6), bend: SAFETY * bend })
     }
 
+    /// Whether it makes a mirror image, as of axes to the south and west.
+    pub fn is_mirror(&self) -> bool {
+        self.turn.determinant() < 0.0
+    }
+
     /// A point of the model in the frame of the tiles.
     ///
     /// # Errors
