@@ -215,6 +215,12 @@ fn each_tile_has_its_own_images() {
         assert_eq!(*color, expected, "{position:?}");
     }
 
+    // Without them, each tile tells once that its coordinates of images are left out.
+    folder.stdout(&format!("build two.tiles {BUILD} --texture none"));
+    let info = folder.stdout("info two.chpm --settings");
+    let told: Vec<&str> = info.lines().filter(|line| line.contains("a.obj: dropped 169 texture")).collect();
+    assert!(told.len() == 1, "{info}");
+
     // As images of clusters, too; an image that has changed is noticed.
     folder.stdout(&format!("build two.tiles {BUILD} --texture sheets"));
     folder.chpm("verify two.chpm --against two.tiles -q").success();

@@ -42,6 +42,9 @@ pub(crate) struct FileSet {
     /// Files that have materials and no images.
     plain: u64,
     read: SourceInfo,
+    /// The files in words, and what they lose since not all of them have it.
+    what: String,
+    warnings: Vec<String>,
 }
 
 #[derive(Clone, Copy, Default)]
@@ -83,17 +86,16 @@ impl FileSet {
         let scalars = scalars.unwrap_or_default();
         attributes.scalar_words = scalar_words(&scalars) as u8;
 
-        let mut read = SourceInfo { encoding: what.to_owned(), ..SourceInfo::default() };
+        let mut warnings = Vec::new();
         if some.normals && !attributes.normals {
-            read.warnings.push(format!("dropped normals, which not all of the {what} have"));
+            warnings.push(format!("dropped normals, which not all of the {what} have"));
         }
         if some.colors && !attributes.colors {
-            read.warnings.push(format!("dropped colours, which not all of the {what} have"));
+            warnings.push(format!("dropped colours, which not all of the {what} have"));
         }
         if !dropped.is_empty() {
             let names = dropped.into_iter().collect::<Vec<_>>().join(", ");
-            read.warnings
-                .push(format!("dropped scalars, which not all of the {what} have as one type: {names}"));
+            warnings.push(format!("dropped scalars, which not all of the {what} have as one type: {names}"));
         }
 
         // Each file is to give the same in the same order.
@@ -116,7 +118,9 @@ impl FileSet {
             before: Counts::default(),
             has_corner_normals: false,
             plain: 0,
-            read,
+            read: SourceInfo::default(),
+            what: what.to_owned(),
+            warnings,
         })
     }
 
@@ -133,28 +137,10 @@ impl FileSet {
     }
 
     /// The same files, from the first one on.
-    pub(crate) fn again(&self) -> FileSet {
-        let SourceInfo { encoding, warnings, .. } = &self.read;
-        FileSet {
-            list: self.list.clone(),
-            members: self.members.clone(),
-            options: self.options.clone(),
-            store: self.store.clone(),
-            cancel: self.cancel.clone(),
-            format: self.format,
-            scalars: self.scalars.clone(),
-            current: None,
-            at: 0,
-            counts: Counts::default(),
-            before: Counts::default(),
-            has_corner_normals: false,
-            plain: 0,
-            read: SourceInfo {
-                encoding: encoding.clone(),
-                warnings: warnings.clone(),
-                ..SourceInfo::default()
-            },
-        }
+    pub(crate) fn again(self) -> FileSet {
+        let [counts, before] = [Counts::default(); 2];
+        let read = SourceInfo::default();
+        FileSet { current: None, at: 0, counts, before, has_corner_normals: false, plain: 0, read, ..self }
     }
 
     fn refill(&mut self, batch: &mut Batch) -> Result<BatchKind, SourceError> {
@@ -282,6 +268,8 @@ impl MeshReader for FileSet {
     }
 
     fn finish(mut self: Box<Self>) -> Result<SourceInfo, ImportError> {
+        self.read.encoding = self.what;
+        self.read.warnings.splice(..0, self.warnings);
         if self.read.textures.is_some() && self.plain > 0 {
             let plain = Counted(self.plain, "file");
             self.read.warnings.push(format!("{plain} without images, white beside the others"));

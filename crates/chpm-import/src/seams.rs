@@ -3,6 +3,7 @@
 //! Two vertices of one tile always stay two. So the tile's faces keep their shapes, and what meets there already goes on to do so.
 
 use crate::error::SourceError;
+use crate::weld::{ordered, plain};
 use bytemuck::{Pod, Zeroable};
 use chpm_extmem::{Buffer, BufferWriter, Cancel, Reservation, Sorted, Sorter, Store};
 use std::collections::{HashMap, VecDeque};
@@ -317,14 +318,4 @@ fn squared_distance(a: [f64; 3], b: [f64; 3]) -> f64 {
 
 fn along(position: [f64; 3]) -> f64 {
     position[0] * WAY[0] + position[1] * WAY[1] + position[2] * WAY[2]
-}
-
-/// Bits whose order is that of numbers.
-fn ordered(x: f64) -> u64 {
-    let bits = x.to_bits();
-    if bits >> 63 == 1 { !bits } else { bits | 1 << 63 }
-}
-
-fn plain(bits: u64) -> f64 {
-    f64::from_bits(if bits >> 63 == 1 { bits & !(1 << 63) } else { !bits })
 }

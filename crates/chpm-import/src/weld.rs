@@ -229,10 +229,7 @@ impl Corner for [u128; 2] {
     const COORDINATES: Coordinates = Coordinates::Text;
 
     fn new(position: [f64; 3], number: u32) -> Self {
-        let bits = position.map(|x| {
-            let bits = x.to_bits();
-            if bits >> 63 == 1 { !bits } else { bits | 1 << 63 }
-        });
+        let bits = position.map(ordered);
         let (high, low) =
             (interleave(bits.map(|bits| (bits >> 32) as u32)), interleave(bits.map(|bits| bits as u32)));
         [high << 32 | low >> 64, low << 64 | u128::from(number)]
@@ -241,10 +238,7 @@ impl Corner for [u128; 2] {
     fn position(self) -> [f64; 3] {
         let high = part(self[0] >> 32);
         let low = part((self[0] & 0xffff_ffff) << 64 | self[1] >> 64);
-        std::array::from_fn(|axis| {
-            let bits = u64::from(high[axis]) << 32 | u64::from(low[axis]);
-            f64::from_bits(if bits >> 63 == 1 { bits & !(1 << 63) } else { !bits })
-        })
+        std::array::from_fn(|axis| plain(u64::from(high[axis]) << 32 | u64::from(low[axis])))
     }
 
     fn number(self) -> u32 {
@@ -254,6 +248,17 @@ impl Corner for [u128; 2] {
     fn place(self) -> Self {
         [self[0], self[1] >> 64]
     }
+}
+
+/// Bits whose order is that of numbers.
+pub(crate) fn ordered(x: f64) -> u64 {
+    let bits = x.to_bits();
+    if bits >> 63 == 1 { !bits } else { bits | 1 << 63 }
+}
+
+/// The number of such bits.
+pub(crate) fn plain(bits: u64) -> f64 {
+    f64::from_bits(if bits >> 63 == 1 { bits & !(1 << 63) } else { !bits })
 }
 
 /// 96 bits, those of equal weight together, those of x the highest.
