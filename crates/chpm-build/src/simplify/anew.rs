@@ -1,11 +1,12 @@
-//! Errors of the root found anew: its progressive mesh is held against a mesh of the whole source that is finer, so that what errors of many levels add up to
-//! is not what is stored.
+//! Errors of the root found anew: its progressive mesh is held against meshes of the whole source that are finer, so that what errors of many levels add up to
+//! is not what is stored. Each serves some of its meshes, apart from the others.
 
 use super::group::GroupTask;
 use crate::config::Bounds;
 use crate::error::BuildError;
 use chpm_format::Page;
 use chpm_qem::{Collapse, Course, Displacement, Limits, Record, Reference, tightened};
+use rayon::prelude::*;
 
 /// Levels below the root of which one's base meshes are what it is held against.
 pub(super) const BELOW: u32 = 5;
@@ -13,14 +14,16 @@ pub(super) const BELOW: u32 = 5;
 /// Most triangles of the root: more are where clusters stalled, and would not fit into the memory of a thread.
 const MOST: usize = 1 << 14;
 
-/// Most triangles of what a root is held against if time does not matter.
-const TIGHT_BELOW: u64 = 40_000;
+/// Most triangles of what a root is held against.
+const TIGHT_BELOW: u64 = 48_000;
 
 /// How closely a root is looked at.
 struct Look {
     /// Most triangles of what it is held against, and of the coarsest that there is.
     most: u64,
     coarsest: u64,
+    /// How many times fewer triangles the next one has.
+    shrink: usize,
     limits: Limits,
 }
 
@@ -32,15 +35,18 @@ impl Look {
             Bounds::Quick => Look {
                 most: (source / 100).clamp(4500, 1 << 14).min(source / 16),
                 coarsest: 1 << 14,
+                shrink: usize::MAX,
                 limits: Limits {
                     ratio: if source < 4_000_000 { 12 } else { 6 },
+                    next_ratio: 12,
                     pieces: source.clamp(1 << 16, 150_000).max(source / 8),
                 },
             },
             Bounds::Tight => Look {
                 most: TIGHT_BELOW,
                 coarsest: TIGHT_BELOW,
-                limits: Limits { ratio: 2, pieces: 5_000_000 },
+                shrink: 4,
+                limits: Limits { ratio: 10, next_ratio: 16, pieces: 600_000 },
             },
         }
     }
@@ -57,31 +63,57 @@ pub(super) fn lower(
         return Ok(());
     }
     let look = Look::new(task.settings.bounds, task.decomposition.triangle_count());
-    let Some(reference) = reference(task, root, &look)? else { return Ok(()) };
+    let references = references(task, root, &look)?;
 
     let base = record.base_vertex_count();
     let in_order = record.targets.iter().zip(&record.errors).enumerate().rev();
     let collapses: Vec<Collapse> = in_order
         .map(|(index, (to, error))| Collapse { from: (base + index) as u16, to: *to, error: *error })
         .collect();
-    let errors = tightened(&Course { positions, triangles, collapses: &collapses }, &reference, look.limits);
-    record.errors.iter_mut().zip(errors.iter().rev()).for_each(|(stored, error)| *stored = *error);
+    let course = Course { positions, triangles, collapses: &collapses };
+    let found: Vec<Vec<f32>> = (0..references.len())
+        .into_par_iter()
+        .map(|finest| {
+            let ratio = if finest == 0 { look.limits.ratio } else { look.limits.next_ratio };
+            tightened(&course, &references[finest..], Limits { ratio, ..look.limits })
+        })
+        .collect();
+
+    // Each is a bound.
+    for (index, stored) in record.errors.iter_mut().rev().enumerate() {
+        *stored = found.iter().fold(*stored, |least, errors| least.min(errors[index]));
+    }
+    let mut last = 0.0_f32;
+    for stored in record.errors.iter_mut().rev() {
+        last = last.max(*stored);
+        *stored = last;
+    }
     Ok(())
 }
 
-/// The mesh of the whole source that the root is held against; none where all that there are have too many triangles.
-fn reference(task: &GroupTask<'_>, root: u32, look: &Look) -> Result<Option<Reference>, BuildError> {
+/// Meshes of the whole source that the root is held against, from the finest on that is small enough; none where all that there are have too many triangles.
+fn references(task: &GroupTask<'_>, root: u32, look: &Look) -> Result<Vec<Reference>, BuildError> {
     let top = task.tree.nodes[root as usize].level;
-    // The finest that is small enough; the coarsest may be larger.
-    let found = (top.saturating_sub(BELOW)..top).find_map(|level| {
+    let mut references: Vec<Reference> = Vec::new();
+    for level in top.saturating_sub(BELOW)..top {
         let front = front(task, root, level);
         let count = |node: &u32| task.refs[*node as usize].map(|page| u64::from(page.base_triangle_count));
-        let all: Option<Vec<u64>> = front.iter().map(count).collect();
-        let most = if level + 1 == top { look.coarsest } else { look.most };
-        (all?.into_iter().sum::<u64>() <= most).then_some(front)
-    });
-    let Some(front) = found else { return Ok(None) };
+        let Some(count) = front.iter().map(count).sum::<Option<u64>>() else { continue };
+        let most = match references.last() {
+            Some(finer) => (finer.triangle_count() / look.shrink.max(1)) as u64,
+            // The coarsest may be larger.
+            None if level + 1 == top => look.coarsest,
+            None => look.most,
+        };
+        if count <= most {
+            references.extend(reference(task, front)?);
+        }
+    }
+    Ok(references)
+}
 
+/// The mesh of clusters that are all of the source together.
+fn reference(task: &GroupTask<'_>, front: Vec<u32>) -> Result<Option<Reference>, BuildError> {
     let mut reference = Reference::default();
     let (mut page, mut triangles, mut displacements) = (Vec::new(), Vec::new(), Vec::new());
     for node in front {

@@ -16,12 +16,12 @@ const PLACES: [[f64; 3]; 2] = [[0.37, 0.34, 0.29], [0.28, 0.31, 0.41]];
 /// Triangles whose corners are all farther from the plane than this many times what is allowed, on one side, are of another sheet.
 const AWAY: f64 = 4.0;
 
-/// A corner over the face: how far inside of each edge, how high, and where.
-type Over = [f64; 7];
+/// A corner over the face: how far inside of each edge, and how high.
+type Over = [f64; 4];
 const HEIGHT: usize = 3;
 
-/// Most corners of a triangle cut by three lines, if rounding let a line cross each edge.
-const MOST_CORNERS: usize = 24;
+/// One of a cut triangle: where it is, too.
+type Cut = [f64; 7];
 
 /// Share of what is added up in an orientation that rounding can hide, with room.
 const DOUBT: f64 = 1.0 / (1u64 << 48) as f64;
@@ -30,10 +30,15 @@ const DOUBT: f64 = 1.0 / (1u64 << 48) as f64;
 #[derive(Debug, Default)]
 pub(crate) struct Chain {
     sheet: Vec<[Over; 3]>,
+    /// Which triangles of the reference these are.
+    triangles: Vec<u32>,
     /// Parts of the face over which triangles are too high, which may be near others.
     pub(crate) steep: Vec<[Point3<f64>; 3]>,
-    /// Edges, with the triangle of the sheet and the corner where each begins.
-    edges: Vec<(u64, u32, u8)>,
+    /// Per edge of the reference, the face for which it was met last, and whether by an odd number of triangles.
+    met: Vec<(u32, bool)>,
+    turn: u32,
+    polygon: Vec<Cut>,
+    before: Vec<Cut>,
 }
 
 /// The face's plane, and its edges in it, as axes along which corners are measured.
@@ -75,7 +80,7 @@ impl Frame {
     #[inline]
     fn over(&self, corners: &[Point3<f64>; 3], far: f64, loss: f64) -> Option<[Over; 3]> {
         let ways = corners.map(|corner| corner - self.origin);
-        let mut over = [[0.0; 7]; 3];
+        let mut over = [[0.0; 4]; 3];
         for (edge, (inward, margin)) in self.inward.iter().zip(self.margins).enumerate() {
             let inside = ways.map(|way| inward.dot(&way) - margin);
             if inside.iter().all(|inside| *inside < -loss) {
@@ -87,10 +92,7 @@ impl Frame {
         if heights.iter().all(|height| *height > far) || heights.iter().all(|height| *height < -far) {
             return None;
         }
-        for (over, (corner, height)) in over.iter_mut().zip(corners.iter().zip(heights)) {
-            over[HEIGHT] = height;
-            over[HEIGHT + 1..].copy_from_slice(corner.coords.as_slice());
-        }
+        (0..3).for_each(|corner| over[corner][HEIGHT] = heights[corner]);
         Some(over)
     }
 
@@ -100,7 +102,7 @@ impl Frame {
     }
 
     /// The point of the plane below.
-    fn foot(&self, over: &Over) -> Point3<f64> {
+    fn foot(&self, over: &Cut) -> Point3<f64> {
         Point3::new(over[4], over[5], over[6]) - self.normal * over[HEIGHT]
     }
 }
@@ -112,7 +114,7 @@ impl Chain {
         &mut self,
         face: &[Point3<f64>; 3],
         reference: &Reference,
-        triangles: impl Iterator<Item = (u32, [Point3<f64>; 3])>,
+        triangles: &[u32],
         allowed: f64,
         loss: f64,
     ) -> Option<f64> {
@@ -121,38 +123,73 @@ impl Chain {
         let beyond = frame.beyond + 4.0 * loss;
         let allowed = allowed - beyond;
         self.sheet.clear();
-        self.edges.clear();
+        self.triangles.clear();
         self.steep.clear();
-        for (triangle, corners) in triangles {
+        for triangle in triangles {
+            let corners = &reference.targets[*triangle as usize].corners;
             // What is far above or below is of another sheet, and its outer edges would be over the face.
-            let Some(over) = frame.over(&corners, AWAY * allowed, loss) else { continue };
-            let (polygon, count) = cut(&over, loss);
-            let Some((first, others)) = polygon[..count].split_first() else { continue };
-            let highest =
-                polygon[..count].iter().fold(0.0, |most: f64, corner| most.max(corner[HEIGHT].abs()));
-            if highest + f64::from(reference.errors[triangle as usize]) > allowed {
-                let fan = others.windows(2);
-                self.steep.extend(fan.map(|pair| [first, &pair[0], &pair[1]].map(|over| frame.foot(over))));
-            }
-            let vertices = reference.triangles[triangle as usize];
-            for corner in 0..3_u8 {
-                let (v, w) = (vertices[usize::from(corner)], vertices[usize::from(corner + 1) % 3]);
-                let key = u64::from(v.min(w)) << 32 | u64::from(v.max(w));
-                self.edges.push((key, self.sheet.len() as u32, corner));
+            let Some(over) = frame.over(corners, AWAY * allowed, loss) else { continue };
+            let error = f64::from(reference.errors[*triangle as usize]);
+            if highest(&over) + error > allowed {
+                self.cut(&over, corners, loss);
+                let Some((first, others)) = self.polygon.split_first() else { continue };
+                if highest(&self.polygon) + error > allowed {
+                    let fan = others.windows(2);
+                    self.steep
+                        .extend(fan.map(|pair| [first, &pair[0], &pair[1]].map(|over| frame.foot(over))));
+                }
             }
             self.sheet.push(over);
+            self.triangles.push(*triangle);
         }
-        (self.is_whole(loss) && self.is_over(&frame, face, loss)).then_some(beyond)
+        (self.is_whole(reference, loss) && self.is_over(&frame, face, loss)).then_some(beyond)
     }
 
     /// Whether no outer edge passes over the smaller face.
-    fn is_whole(&mut self, loss: f64) -> bool {
-        self.edges.sort_unstable();
-        self.edges.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() % 2 == 1).all(|same| {
-            let (_, triangle, corner) = same[0];
-            let over = &self.sheet[triangle as usize];
-            is_beside(&over[usize::from(corner)], &over[usize::from(corner + 1) % 3], loss)
+    fn is_whole(&mut self, reference: &Reference, loss: f64) -> bool {
+        self.turn += 1;
+        self.met.resize(reference.edge_count, (0, false));
+        for triangle in &self.triangles {
+            for edge in reference.edges[*triangle as usize] {
+                let (turn, is_odd) = &mut self.met[edge as usize];
+                *is_odd = *turn != self.turn || !*is_odd;
+                *turn = self.turn;
+            }
+        }
+        self.triangles.iter().zip(&self.sheet).all(|(triangle, over)| {
+            let edges = reference.edges[*triangle as usize];
+            (0..3).all(|corner| {
+                let (_, is_odd) = self.met[edges[corner] as usize];
+                !is_odd || is_beside(&over[corner], &over[(corner + 1) % 3], loss)
+            })
         })
+    }
+
+    /// The part of a triangle that is over the face, into `polygon`.
+    fn cut(&mut self, over: &[Over; 3], corners: &[Point3<f64>; 3], loss: f64) {
+        let Chain { polygon, before, .. } = self;
+        polygon.clear();
+        polygon.extend(
+            over.iter().zip(corners).map(|([a, b, c, height], at)| [*a, *b, *c, *height, at.x, at.y, at.z]),
+        );
+        for edge in 0..3 {
+            if polygon.iter().all(|corner| corner[edge] >= -loss) {
+                continue;
+            }
+            std::mem::swap(polygon, before);
+            polygon.clear();
+            for (i, from) in before.iter().enumerate() {
+                let to = &before[(i + 1) % before.len()];
+                let (inside, next) = (from[edge] + loss, to[edge] + loss);
+                if inside >= 0.0 {
+                    polygon.push(*from);
+                }
+                if (inside >= 0.0) != (next >= 0.0) {
+                    let share = inside / (inside - next);
+                    polygon.push(std::array::from_fn(|k| from[k] + share * (to[k] - from[k])));
+                }
+            }
+        }
     }
 
     /// Whether an odd number of triangles is over some point of the face.
@@ -172,34 +209,9 @@ impl Chain {
     }
 }
 
-/// The part of a triangle that is over the face.
-fn cut(triangle: &[Over; 3], loss: f64) -> ([Over; MOST_CORNERS], usize) {
-    let mut polygon = [[0.0; 7]; MOST_CORNERS];
-    polygon[..3].copy_from_slice(triangle);
-    let mut count = 3;
-    for edge in 0..3 {
-        if polygon[..count].iter().all(|corner| corner[edge] >= -loss) {
-            continue;
-        }
-        let mut before = [[0.0; 7]; MOST_CORNERS];
-        before[..count].copy_from_slice(&polygon[..count]);
-        let mut kept = 0;
-        for i in 0..count {
-            let (from, to) = (&before[i], &before[(i + 1) % count]);
-            let (inside, next) = (from[edge] + loss, to[edge] + loss);
-            if inside >= 0.0 {
-                polygon[kept] = *from;
-                kept += 1;
-            }
-            if (inside >= 0.0) != (next >= 0.0) {
-                let share = inside / (inside - next);
-                polygon[kept] = std::array::from_fn(|k| from[k] + share * (to[k] - from[k]));
-                kept += 1;
-            }
-        }
-        count = kept;
-    }
-    (polygon, count)
+/// The largest distance from the plane.
+fn highest<const N: usize>(corners: &[[f64; N]]) -> f64 {
+    corners.iter().fold(0.0, |most: f64, corner| most.max(corner[HEIGHT].abs()))
 }
 
 /// Whether all of an edge is beside the smaller face.
@@ -269,7 +281,6 @@ mod tests {
 
     fn held((reference, over): &(Reference, Vec<u32>), allowed: f64) -> Option<usize> {
         let face = [[-1.3_f32, -1.1, 0.0], [1.4, -0.9, 0.0], [0.2, 1.7, 0.0]].map(to_f64);
-        let over = over.iter().map(|index| (*index, reference.corners(*index).map(to_f64)));
         let mut chain = Chain::default();
         chain.hold(&face, reference, over, allowed, LOSS).map(|beyond| {
             assert!(beyond > 0.0 && beyond < 0.01);

@@ -6,7 +6,7 @@ use super::pieces::Pieces;
 use super::reference::Reference;
 use super::surfaces::{Few, Own};
 use super::target::Target;
-use super::tree::BoxTree;
+use super::tree::{BoxTree, Search};
 use chpm_mesh::geom::to_f64;
 use dashu_ratio::RBig;
 use nalgebra::Point3;
@@ -112,12 +112,14 @@ proptest! {
         of in prop::array::uniform3(0usize..16),
         lift in -0.5f32..0.5,
         allowed in 0.0f64..0.5,
+        enough in 0.0f64..0.5,
     ) {
         let mut face = face(&reference, of);
         face[0][2] += lift;
         let targets: Vec<Target> = triangles(&reference).iter().map(|t| Target::new(t.map(to_f64))).collect();
-        let mut tree = BoxTree::new(&targets, (0..targets.len() as u32).collect());
-        let mut own = Own { targets: &targets, tree: &mut tree, errors: &reference.errors };
+        let (tree, mut search) = (BoxTree::new(&targets, (0..targets.len() as u32).collect()), Search::new());
+        let errors = &reference.errors;
+        let mut own = Own { targets: &targets, tree: &tree, search: &mut search, errors, enough: enough * enough };
         let corners: [Point3<f64>; 3] = face.map(to_f64);
         let served = corners.map(|point| {
             let (index, squared) = super::pieces::Surface::nearest(&mut own, &point, (0, f64::INFINITY));
@@ -145,11 +147,10 @@ proptest! {
     ) {
         let mut face = face(&reference, of);
         face[0][2] += lift;
-        let corners = |index: u32| reference.corners(index).map(to_f64);
         let over = (0..reference.triangle_count() as u32).filter(|index| kept[*index as usize % 18]);
-        let over = over.map(|index| (index, corners(index)));
+        let over: Vec<u32> = over.collect();
         let (mut chain, loss) = (Chain::default(), LOSS * reference.scale());
-        let Some(beyond) = chain.hold(&face.map(to_f64), &reference, over, allowed, loss) else { return Ok(()) };
+        let Some(beyond) = chain.hold(&face.map(to_f64), &reference, &over, allowed, loss) else { return Ok(()) };
         let exactly: Vec<[Exact; 3]> = triangles(&reference).iter().map(|t| t.map(place)).collect();
         let steep: Vec<[Exact; 3]> =
             chain.steep.iter().map(|part| part.map(|p| [p.x, p.y, p.z].map(exact))).collect();

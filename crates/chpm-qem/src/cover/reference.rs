@@ -1,5 +1,9 @@
 //! A mesh of all of the source, finer than what is held against it.
 
+use super::target::Target;
+use super::tree::BoxTree;
+use chpm_mesh::geom::to_f64;
+
 /// A mesh that is finer than a cluster, of all of the source that the cluster stands for: every point of that source is within a triangle's error of some
 /// point of the triangle, and every point of the triangle within it of the source.
 #[derive(Debug, Default)]
@@ -7,6 +11,14 @@ pub struct Reference {
     pub(crate) points: Vec<[f32; 3]>,
     pub(crate) triangles: Vec<[u32; 3]>,
     pub(crate) errors: Vec<f32>,
+    /// Per triangle the numbers of its edges, from each corner to the next; the same for all that have the edge.
+    pub(crate) edges: Vec<[u32; 3]>,
+    pub(crate) edge_count: usize,
+    /// The triangles, to find them.
+    pub(crate) targets: Vec<Target>,
+    pub(crate) tree: BoxTree,
+    /// The error of most of them, at most.
+    pub(crate) usual_error: f64,
 }
 
 impl Reference {
@@ -26,7 +38,7 @@ impl Reference {
         self.triangles.len()
     }
 
-    /// Joins the parts where their vertices are at the same place.
+    /// Joins the parts where their vertices are at the same place, once all are there.
     pub fn join(&mut self) {
         let points = std::mem::take(&mut self.points);
         let key = |v: u32| points[v as usize].map(f32::to_bits);
@@ -42,6 +54,34 @@ impl Reference {
             joined[v as usize] = self.points.len() as u32 - 1;
         }
         self.triangles.iter_mut().for_each(|t| *t = t.map(|v| joined[v as usize]));
+        self.number_edges();
+
+        let all = 0..self.triangles.len() as u32;
+        self.targets = all.clone().map(|index| Target::new(self.corners(index).map(to_f64))).collect();
+        self.tree = BoxTree::new(&self.targets, all.collect());
+        let mut errors = self.errors.clone();
+        errors.sort_unstable_by(f32::total_cmp);
+        self.usual_error = errors.get(errors.len() / 4 * 3).map_or(0.0, |error| f64::from(*error));
+    }
+
+    fn number_edges(&mut self) {
+        let mut having: Vec<(u64, u32)> = Vec::with_capacity(3 * self.triangles.len());
+        for (triangle, vertices) in self.triangles.iter().enumerate() {
+            for corner in 0..3 {
+                let (v, w) = (vertices[corner], vertices[(corner + 1) % 3]);
+                let key = u64::from(v.min(w)) << 32 | u64::from(v.max(w));
+                having.push((key, (3 * triangle + corner) as u32));
+            }
+        }
+        having.sort_unstable();
+        self.edges = vec![[0; 3]; self.triangles.len()];
+        self.edge_count = 0;
+        for same in having.chunk_by(|a, b| a.0 == b.0) {
+            for (_, at) in same {
+                self.edges.as_flattened_mut()[*at as usize] = self.edge_count as u32;
+            }
+            self.edge_count += 1;
+        }
     }
 
     /// The point at a place, if there is one.

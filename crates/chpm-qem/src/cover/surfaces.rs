@@ -1,9 +1,15 @@
 //! Surfaces that points and pieces are held against.
 
+use super::CLOSE;
 use super::pieces::Surface;
 use super::target::Target;
-use super::tree::BoxTree;
+use super::tree::{BoxTree, Search};
 use nalgebra::Point3;
+
+/// The square of the distance at which nothing nearer is looked for, where so much is allowed and this comes on top.
+pub(super) fn enough(allowed: f64, beyond: f64) -> f64 {
+    (CLOSE * allowed - beyond).max(0.0).powi(2)
+}
 
 /// Faces that a point is held against: a few, one after the other.
 pub(super) struct Few<'a> {
@@ -21,25 +27,19 @@ impl Surface for Few<'_> {
         self.beyond
     }
 
-    fn nearest(&mut self, point: &Point3<f64>, mut best: (u32, f64)) -> (u32, f64) {
-        for index in self.of {
-            let target = &self.targets[*index as usize];
-            if target.box_squared(point) < best.1 {
-                let squared = target.squared(point);
-                if squared < best.1 {
-                    best = (*index, squared);
-                }
-            }
-        }
-        best
+    fn nearest(&mut self, point: &Point3<f64>, best: (u32, f64)) -> (u32, f64) {
+        self.of.iter().fold(best, |best, index| self.targets[*index as usize].nearer(*index, point, best))
     }
 }
 
 /// Many faces, in a tree.
 pub(super) struct Many<'a> {
     pub(super) targets: &'a [Target],
-    pub(super) tree: &'a mut BoxTree,
+    pub(super) tree: &'a BoxTree,
+    pub(super) search: &'a mut Search,
     pub(super) beyond: f64,
+    /// The square of a distance at which a nearer one is not looked for.
+    pub(super) enough: f64,
 }
 
 impl Surface for Many<'_> {
@@ -52,15 +52,18 @@ impl Surface for Many<'_> {
     }
 
     fn nearest(&mut self, point: &Point3<f64>, best: (u32, f64)) -> (u32, f64) {
-        self.tree.nearest(self.targets, point, best)
+        self.tree.nearest(self.targets, self.search, point, best, self.enough)
     }
 }
 
 /// Triangles of the reference, each with its error.
 pub(super) struct Own<'a> {
     pub(super) targets: &'a [Target],
-    pub(super) tree: &'a mut BoxTree,
+    pub(super) tree: &'a BoxTree,
+    pub(super) search: &'a mut Search,
     pub(super) errors: &'a [f32],
+    /// Likewise.
+    pub(super) enough: f64,
 }
 
 impl Surface for Own<'_> {
@@ -73,7 +76,7 @@ impl Surface for Own<'_> {
     }
 
     fn nearest(&mut self, point: &Point3<f64>, best: (u32, f64)) -> (u32, f64) {
-        self.tree.nearest(self.targets, point, best)
+        self.tree.nearest(self.targets, self.search, point, best, self.enough)
     }
 }
 

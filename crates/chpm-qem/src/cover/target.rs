@@ -1,6 +1,5 @@
 //! Distances from points to one triangle.
 
-use chpm_mesh::Aabb;
 use nalgebra::{Point3, Vector3};
 
 /// A triangle that points and pieces are held against.
@@ -9,12 +8,18 @@ pub(crate) struct Target {
     pub(crate) corners: [Point3<f64>; 3],
     pub(crate) low: Vector3<f64>,
     pub(crate) high: Vector3<f64>,
+    /// What turns products with the edges at the first corner into weights of the other two; not a number where there is no area.
+    weights: [f64; 3],
 }
 
 impl Target {
     pub(crate) fn new(corners: [Point3<f64>; 3]) -> Self {
         let [a, b, c] = corners.map(|corner| corner.coords);
-        Target { corners, low: a.inf(&b).inf(&c), high: a.sup(&b).sup(&c) }
+        let (ab, ac) = (b - a, c - a);
+        let (bb, bc, cc) = (ab.dot(&ab), ab.dot(&ac), ac.dot(&ac));
+        let area = bb * cc - bc * bc;
+        let weights = if area > 0.0 { [cc / area, -bc / area, bb / area] } else { [f64::NAN; 3] };
+        Target { corners, low: a.inf(&b).inf(&c), high: a.sup(&b).sup(&c), weights }
     }
 
     /// The square of the distance from the box around it, at most.
@@ -28,10 +33,19 @@ impl Target {
         sum
     }
 
-    /// The box around it and all that is within a distance, about.
-    pub(crate) fn aabb(&self, far: f64) -> Aabb {
-        let grown = |corner: Vector3<f64>, far: f64| corner.add_scalar(far).map(|x| x as f32).into();
-        Aabb { min: grown(self.low, -far), max: grown(self.high, far) }
+    /// The box around it and all that is within a distance.
+    pub(crate) fn around(&self, far: f64) -> (Vector3<f64>, Vector3<f64>) {
+        (self.low.add_scalar(-far), self.high.add_scalar(far))
+    }
+
+    /// The nearer of this one, whose number is `index`, and the best so far.
+    #[inline]
+    pub(crate) fn nearer(&self, index: u32, point: &Point3<f64>, best: (u32, f64)) -> (u32, f64) {
+        if self.box_squared(point) >= best.1 {
+            return best;
+        }
+        let squared = self.squared(point);
+        if squared < best.1 { (index, squared) } else { best }
     }
 
     /// The square of the distance to a point of the triangle that is nearest but for rounding.
@@ -46,25 +60,25 @@ impl Target {
         let [a, b, c] = self.corners;
         let (ab, ac, to) = (b - a, c - a, point - a);
         let (along_b, along_c) = (ab.dot(&to), ac.dot(&to));
-        let (bb, bc, cc) = (ab.dot(&ab), ab.dot(&ac), ac.dot(&ac));
-
-        // Weights of b and c where the foot on the plane is inside.
-        let area = bb * cc - bc * bc;
-        let (of_b, of_c) = (cc * along_b - bc * along_c, bb * along_c - bc * along_b);
-        if area > 0.0 && of_b >= 0.0 && of_c >= 0.0 && of_b + of_c <= area {
-            return a + ab * (of_b / area) + ac * (of_c / area);
+        let [bb, bc, cc] = self.weights;
+        let (of_b, of_c) = (bb * along_b + bc * along_c, bc * along_b + cc * along_c);
+        if of_b >= 0.0 && of_c >= 0.0 && of_b + of_c <= 1.0 {
+            return a + ab * of_b + ac * of_c;
         }
 
-        // Else on an edge.
-        let edges = [(a, ab), (a, ac), (b, c - b)];
-        let feet = edges.map(|(from, edge)| foot(point, &from, &edge));
-        let squares = feet.map(|foot| (point - foot).norm_squared());
-        let least = if squares[0] <= squares[1] && squares[0] <= squares[2] {
-            0
-        } else {
-            1 + usize::from(squares[2] < squares[1])
-        };
-        feet[least]
+        // Else on an edge that the foot on the plane is beyond.
+        let mut best = (f64::INFINITY, a);
+        let edges = [(of_c >= 0.0, a, ab), (of_b >= 0.0, a, ac), (of_b + of_c <= 1.0, b, c - b)];
+        for (is_inside, from, edge) in edges {
+            if !is_inside {
+                let foot = foot(point, &from, &edge);
+                let squared = (point - foot).norm_squared();
+                if squared < best.0 {
+                    best = (squared, foot);
+                }
+            }
+        }
+        best.1
     }
 }
 
@@ -74,10 +88,4 @@ fn foot(point: &Point3<f64>, from: &Point3<f64>, edge: &Vector3<f64>) -> Point3<
     let length = edge.norm_squared();
     let share = if length > 0.0 { (edge.dot(&(point - from)) / length).clamp(0.0, 1.0) } else { 0.0 };
     from + edge * share
-}
-
-/// Whether two boxes have a point in common.
-#[inline]
-pub(crate) fn meet(a: &Aabb, b: &Aabb) -> bool {
-    (0..3).all(|axis| a.min[axis] <= b.max[axis] && b.min[axis] <= a.max[axis])
 }

@@ -20,13 +20,15 @@ struct Node {
 pub(crate) struct BoxTree {
     nodes: Vec<Node>,
     order: Vec<u32>,
-    stack: Vec<u32>,
 }
+
+/// Nodes that a search has still to look at, each with the square of its distance.
+pub(crate) type Search = Vec<(u32, f64)>;
 
 impl BoxTree {
     /// Of the given ones among `targets`.
     pub(crate) fn new(targets: &[Target], of: Vec<u32>) -> Self {
-        let mut tree = BoxTree { nodes: Vec::new(), order: of, stack: Vec::new() };
+        let mut tree = BoxTree { nodes: Vec::new(), order: of };
         if !tree.order.is_empty() {
             tree.halve(targets, 0, tree.order.len());
         }
@@ -57,37 +59,76 @@ impl BoxTree {
         self.halve(targets, middle, to);
     }
 
-    /// The triangle nearest to a point, and the square of how far it is, if it is nearer than `best`.
-    pub(crate) fn nearest(
-        &mut self,
+    /// Hands over the triangles whose boxes meet the one of these corners; answers how many boxes it looked at.
+    pub(crate) fn meeting(
+        &self,
         targets: &[Target],
-        point: &Point3<f64>,
-        best: (u32, f64),
-    ) -> (u32, f64) {
-        let mut best = best;
-        self.stack.clear();
+        search: &mut Search,
+        (low, high): &(Vector3<f64>, Vector3<f64>),
+        mut take: impl FnMut(u32),
+    ) -> usize {
+        let meets = |other_low: &Vector3<f64>, other_high: &Vector3<f64>| {
+            (0..3).all(|axis| low[axis] <= other_high[axis] && other_low[axis] <= high[axis])
+        };
+        let mut visited = 0;
+        search.clear();
         if !self.nodes.is_empty() {
-            self.stack.push(0);
+            search.push((0, 0.0));
         }
-        while let Some(at) = self.stack.pop() {
+        while let Some((at, _)) = search.pop() {
             let node = &self.nodes[at as usize];
-            if box_squared(node, point) >= best.1 {
+            visited += 1;
+            if !meets(&node.low, &node.high) {
                 continue;
             }
+            if node.count == 0 {
+                search.extend([(node.from, 0.0), (at + 1, 0.0)]);
+                continue;
+            }
+            visited += node.count as usize;
+            for target in &self.order[node.from as usize..(node.from + node.count) as usize] {
+                let Target { low, high, .. } = &targets[*target as usize];
+                if meets(low, high) {
+                    take(*target);
+                }
+            }
+        }
+        visited
+    }
+
+    /// The triangle nearest to a point, and the square of how far it is, if it is nearer than `best`; or the first that is found whose square is `enough`.
+    pub(crate) fn nearest(
+        &self,
+        targets: &[Target],
+        search: &mut Search,
+        point: &Point3<f64>,
+        best: (u32, f64),
+        enough: f64,
+    ) -> (u32, f64) {
+        let mut best = best;
+        search.clear();
+        if !self.nodes.is_empty() {
+            search.push((0, 0.0));
+        }
+        while let Some((at, squared)) = search.pop() {
+            if best.1 <= enough {
+                break;
+            }
+            if squared >= best.1 {
+                continue;
+            }
+            let node = &self.nodes[at as usize];
             if node.count > 0 {
-                for target in &self.order[node.from as usize..(node.from + node.count) as usize] {
-                    let squared = targets[*target as usize].squared(point);
-                    if squared < best.1 {
-                        best = (*target, squared);
-                    }
+                for index in &self.order[node.from as usize..(node.from + node.count) as usize] {
+                    best = targets[*index as usize].nearer(*index, point, best);
                 }
                 continue;
             }
 
             // The nearer child first.
             let (a, b) = (at + 1, node.from);
-            let [to_a, to_b] = [a, b].map(|child| box_squared(&self.nodes[child as usize], point));
-            self.stack.extend(if to_a <= to_b { [b, a] } else { [a, b] });
+            let [a, b] = [a, b].map(|child| (child, box_squared(&self.nodes[child as usize], point)));
+            search.extend(if a.1 <= b.1 { [b, a] } else { [a, b] });
         }
         best
     }

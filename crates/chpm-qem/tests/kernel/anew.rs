@@ -22,8 +22,15 @@ fn anew(mesh: &TriMesh, mut run: Run) -> Run {
     let mut reference = Reference::default();
     reference.add(&mesh.positions, triangles.iter().map(|triangle| (*triangle, 0.0)));
     reference.join();
+    // A coarser one, which faces are held against first: half of the way.
+    let half = &run.collapses[..run.collapses.len() / 2];
+    let (coarser, error) = (played(mesh, half), half.last().map_or(0.0, |collapse| collapse.error));
+    let mut coarse = Reference::default();
+    coarse.add(&coarser.positions, local(&coarser).into_iter().map(|triangle| (triangle, error)));
+    coarse.join();
     let course = Course { positions: &mesh.positions, triangles: &triangles, collapses: &run.collapses };
-    let errors = tightened(&course, &reference, Limits { ratio: 2, pieces: u64::MAX });
+    let limits = Limits { ratio: 2, next_ratio: 1 << 20, pieces: u64::MAX };
+    let errors = tightened(&course, &[reference, coarse], limits);
     for (collapse, error) in run.collapses.iter_mut().zip(&errors) {
         assert!(*error <= collapse.error, "never more than was composed");
         collapse.error = *error;
