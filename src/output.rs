@@ -28,6 +28,8 @@ const fn writes(by: &'static str, format: &'static str) -> Writes {
 pub(crate) const BUILD: Writes = Writes { streams: false, ..writes("build", "CHPM") };
 pub(crate) const RELAYOUT: Writes = Writes { streams: false, ..writes("relayout", "CHPM") };
 pub(crate) const BUILD_TRACE: Writes = Writes { streams: false, ..writes("build --trace", "JSON") };
+pub(crate) const EXPORT: Writes =
+    Writes { streams: false, ..writes("export --3dtiles", "a 3D Tiles archive") };
 pub(crate) const SYNTH: Writes = writes("synth", "PLY");
 pub(crate) const PATH: Writes = writes("path", "a camera path");
 pub(crate) const COMPARE_SVG: Writes = writes("compare --svg", "SVG");
@@ -61,7 +63,7 @@ pub(crate) const SCREENSHOT: Writes = Writes { streams: false, ..writes("view --
 const EXTENSIONS: &[(&str, &str)] = &[
     ("chpm", "CHPM"), ("ply", "PLY"), ("stl", "STL"), ("obj", "OBJ"), ("glb", "GLB"), ("gltf", "glTF"),
     ("path", "a camera path"), ("csv", "CSV"), ("html", "HTML"), ("htm", "HTML"), ("svg", "SVG"), ("png", "PNG"),
-    ("3dm", "Rhino"), ("3ds", "3DS"), ("3mf", "3MF"), ("abc", "Alembic"), ("amf", "AMF"), ("blend", "Blender"), ("bmp", "BMP"),
+    ("3dm", "Rhino"), ("3ds", "3DS"), ("3mf", "3MF"), ("3tz", "a 3D Tiles archive"), ("abc", "Alembic"), ("amf", "AMF"), ("blend", "Blender"), ("bmp", "BMP"),
     ("conf", "a list of range scans"), ("ctm", "OpenCTM"), ("dae", "COLLADA"), ("drc", "Draco"), ("dxf", "DXF"), ("e57", "E57"),
     ("exr", "OpenEXR"), ("fbx", "FBX"), ("geojson", "GeoJSON"), ("gif", "GIF"), ("gz", "gzip"), ("iges", "IGES"), ("igs", "IGES"),
     ("npy", "NumPy"), ("jpeg", "JPEG"), ("jpg", "JPEG"), ("json", "JSON"), ("las", "LAS"), ("laz", "LAZ"), ("mp4", "MP4"), ("nii", "NIfTI"), ("off", "OFF"),

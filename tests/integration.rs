@@ -6,6 +6,8 @@ mod integration {
 
     /// Sources are read twice, by two readers, and what one lost is missed by the other.
     mod against;
+    /// Tilesets as one file.
+    mod archive;
     /// Images of meshes that are taken out of a file.
     mod atlases;
     /// Many models at once: what is built, what is not built again, what a failure leaves of the others.

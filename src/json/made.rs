@@ -116,7 +116,7 @@ pub(crate) struct Export {
     pub(crate) schema: &'static str,
     /// The file as it was named
     pub(crate) file: String,
-    /// The folder
+    /// The folder, or the archive
     pub(crate) output: String,
     /// Files of the tileset
     pub(crate) tilesets: u64,
@@ -126,6 +126,8 @@ pub(crate) struct Export {
     pub(crate) triangles: u64,
     /// Bytes of all tiles
     pub(crate) tile_bytes: u64,
+    /// Bytes of the archive; null for a folder
+    pub(crate) archive_bytes: Option<u64>,
     /// Remarks on what was left out, or lies elsewhere than one would think
     pub(crate) warnings: Vec<String>,
 }

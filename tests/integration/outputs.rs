@@ -442,6 +442,7 @@ fn a_full_standard_output_is_called_that() {
         ("relayout ball.chpm -q --pages packed -o packed.chpm", Some("packed.chpm")),
         ("path orbit ball.chpm --frames 2 -o out.path", Some("out.path")),
         ("export ball.chpm -q --3dtiles tiles", Some("tiles")),
+        ("export ball.chpm -q --3dtiles tiles.3tz", Some("tiles.3tz")),
     ] {
         let Ok(full) = fs::File::options().write(true).open("/dev/full") else {
             skipped("a full standard output: no /dev/full");
