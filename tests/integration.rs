@@ -68,6 +68,8 @@ mod integration {
     mod measure;
     /// Verbs that read stay below the memory that they are given.
     mod memory;
+    /// The hierarchy for mesh shaders, read by the document alone.
+    mod meshlets;
     /// Surfaces that touch, coincide or overlap: no report of what the source has itself.
     mod odd_cuts;
     /// What is written, and where: devices, links, streams, names, limits.

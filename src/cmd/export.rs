@@ -2,6 +2,7 @@
 
 mod archive;
 mod folder;
+mod meshlets;
 
 use super::{Verdict, open, reading, stdout};
 use crate::crs::CrsArgs;
@@ -14,17 +15,19 @@ use crate::output::{self, Promise};
 use crate::progress::{Meter, line};
 use crate::stop::Stop;
 use crate::upright::Upright;
-use anyhow::{Result, ensure};
+use anyhow::{Result, bail, ensure};
 use chpm_build::Cancel;
 use chpm_export::Turn;
+use chpm_export::meshlets::MOST;
 use chpm_export::tiles::{Options, SharedNormals, Tileset, Tree, tilesets};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
-use chpm_mesh::{Aabb, Bytes, Counted};
+use chpm_mesh::{Aabb, Bytes, ClusterId, Counted};
 use chpm_refine::Up;
 use clap::ValueEnum;
+use rayon::prelude::*;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Arguments of `chpm export`.
 #[derive(clap::Args, Debug)]
@@ -34,15 +37,21 @@ pub(crate) struct Args {
     /// Make a 3D Tiles 1.1 tileset in the folder DIR, for CesiumJS, 3d-tiles-renderer and others; or, where the name ends in .3tz, as one file, the 3D Tiles
     /// archive 1.3. Its geometric errors are the file's bounds. It takes about two triangles for each of the source; sheets, where the file has them, go in
     /// as they are
-    #[arg(long = "3dtiles", value_name = "DIR", required = true)]
-    tiles: PathBuf,
+    #[arg(long = "3dtiles", value_name = "DIR", required_unless_present = "meshlets")]
+    tiles: Option<PathBuf>,
+    /// Make a file of meshlets, for engines that draw with mesh shaders: meshes in all resolutions with bounds to choose and to cull by. docs/MESHLETS.md has its bytes
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["tiles", "meshopt", "up", "origin", "transform", "crs", "geoid", "span"])]
+    meshlets: Option<PathBuf>,
+    /// Triangles of a meshlet, at most, and vertices
+    #[arg(long, value_name = "N", default_value_t = 128, conflicts_with = "tiles", value_parser = number::count(8_u32..=MOST))]
+    meshlet_triangles: u32,
     /// Compress the tiles: EXT_meshopt_compression
     #[arg(long)]
     meshopt: bool,
     /// What is up in the model: x, y, z, -x, -y or -z. If not given, what `render` finds, and z with --origin or --transform
     #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
     up: Option<Up>,
-    /// Normals of tiles where the file has none
+    /// Normals of vertices where the file has none
     #[arg(long, value_name = "WHICH", value_enum, default_value_t = Normals::Computed)]
     normals: Normals,
     /// Where on the earth the model's zero point is, or what --origin-at names: degrees of longitude and latitude, and metres above the ellipsoid. Then x
@@ -60,7 +69,7 @@ pub(crate) struct Args {
     /// Levels of the hierarchy in one file of the tileset
     #[arg(long, value_name = "N", default_value_t = Options::SPAN, hide = true, value_parser = number::count(1_u32..=32))]
     span: u32,
-    /// Replace the folder if it is an earlier export, or the archive
+    /// Replace the folder if it is an earlier export, or the file
     #[arg(short, long)]
     force: bool,
     /// What was written as JSON on stdout
@@ -78,7 +87,7 @@ type Transform = [f64; 16];
 
 #[derive(ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
 enum Normals {
-    /// By the triangles about a vertex; the same in all tiles where tiles meet
+    /// By the triangles about a vertex; the same in all meshes where they meet
     Computed,
     /// Left out: many viewers then draw facets, or no shading at all
     None,
@@ -91,29 +100,55 @@ const WORK: u64 = 12 << 20;
 /// Times that the bytes of a sheet are in memory: by themselves, and in its tile.
 const COPIES: u64 = 2;
 
-/// Exports into a folder, or an archive.
+/// Clusters whose meshes are made before they are written into one file, for each thread: they come in their order, whoever is faster.
+const AHEAD: usize = 4;
+
+/// Exports into a folder, or a file.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
-    let is_archive = output::promised(&args.tiles) == Promise::Format(output::EXPORT.format());
+    match (&args.meshlets, &args.tiles) {
+        (Some(target), _) => meshlets::run(args, target, stop),
+        (None, Some(target)) => tiles(args, target, stop),
+        (None, None) => bail!("nothing to export: name --3dtiles or --meshlets"),
+    }
+}
+
+fn tiles(args: &Args, target: &Path, stop: &Stop) -> Result<Verdict> {
+    let is_archive = output::promised(target) == Promise::Format(output::EXPORT.format());
     if !is_archive {
-        output::check_folder("export", &args.tiles)?;
+        output::check_folder("export", target)?;
     }
     let cancel = stop.heed();
     let file = open(&args.file)?;
     let threads = rayon::current_num_threads() as u64;
     let normals = if computes(&file, args) { SharedNormals::memory(&file) } else { 0 };
     let sheet = file.sheets().iter().map(|sheet| sheet.len()).max().unwrap_or(0);
-    let (each, waiting) =
-        if is_archive { (archive::EACH, archive::waiting(&file)) } else { (folder::EACH, 0) };
+    let (each, waiting) = if is_archive { (archive::EACH, waiting(&file)) } else { (folder::EACH, 0) };
     let own = (EACH + each) * u64::from(file.header().cluster_count)
         + (WORK + COPIES * sheet) * threads
         + normals
         + waiting;
     memory::divide(&file, args.memory.memory(), own)?;
-    reading(&file, || export(&file, args, is_archive, &cancel))?;
+    reading(&file, || export(&file, args, target, is_archive, &cancel))?;
     Ok(Verdict::Good)
 }
 
-fn export(file: &Chpm<MappedFile>, args: &Args, is_archive: bool, cancel: &Cancel) -> Result<()> {
+/// Memory of the meshes that wait to be written, at most.
+fn waiting(file: &Chpm<MappedFile>) -> u64 {
+    // Vertices and triangles of the base mesh and the finest, with what stands before them.
+    let heaviest = file.clusters().iter().map(|cluster| {
+        4096 + 2 * (40 * u64::from(cluster.vertex_count) + 12 * u64::from(cluster.triangle_count))
+    });
+    let sheet = file.sheets().iter().map(|sheet| sheet.len()).max().unwrap_or(0);
+    (AHEAD * rayon::current_num_threads()) as u64 * (heaviest.max().unwrap_or(0) + sheet)
+}
+
+fn export(
+    file: &Chpm<MappedFile>,
+    args: &Args,
+    target: &Path,
+    is_archive: bool,
+    cancel: &Cancel,
+) -> Result<()> {
     // Whoever gives a place has coordinates that go to the east, the north and up.
     let is_placed = args.origin.is_some() || args.transform.is_some();
     let crs = args.crs.of(file, is_placed)?;
@@ -142,8 +177,9 @@ fn export(file: &Chpm<MappedFile>, args: &Args, is_archive: bool, cancel: &Cance
         span: args.span,
     };
     let meter = Meter::new(args.quiet);
-    let work = Work { file, options: &options, meter: &meter, cancel };
-    let sums = if is_archive { archive::write(&work, args)? } else { folder::write(&work, args)? };
+    let work = Work { file, normals: options.normals, meter: &meter, cancel };
+    let write = if is_archive { archive::write } else { folder::write };
+    let sums = write(&work, &options, target, args)?;
     meter.finish();
 
     let mut out = stdout();
@@ -152,7 +188,7 @@ fn export(file: &Chpm<MappedFile>, args: &Args, is_archive: bool, cancel: &Cance
         let export = made::Export {
             schema: "chpm-export/1",
             file: named(&args.file),
-            output: named(&args.tiles),
+            output: named(target),
             tilesets: sets,
             tiles,
             triangles,
@@ -170,7 +206,7 @@ fn export(file: &Chpm<MappedFile>, args: &Args, is_archive: bool, cancel: &Cance
     writeln!(
         out,
         "{}: {} of {}, {}, in {}{}",
-        args.tiles.display(),
+        target.display(),
         Counted(tiles, "tile"),
         Counted(triangles, "triangle"),
         Bytes(bytes),
@@ -198,10 +234,11 @@ fn computes(file: &Chpm<MappedFile>, args: &Args) -> bool {
     args.normals == Normals::Computed && !file.header().attributes().decoded().normals
 }
 
-/// An export: of which file, how, and who is told.
+/// An export: of which file, and who is told.
 struct Work<'a> {
     file: &'a Chpm<MappedFile>,
-    options: &'a Options,
+    /// Whether vertices get normals that the file does not have.
+    normals: bool,
     meter: &'a Meter,
     cancel: &'a Cancel,
 }
@@ -220,11 +257,11 @@ struct Sums {
 
 impl Work<'_> {
     /// All files that are no tiles; answers how many they are.
-    fn tilesets(&self, mut sink: impl FnMut(Tileset) -> Result<()>) -> Result<u64> {
+    fn tilesets(&self, options: &Options, mut sink: impl FnMut(Tileset) -> Result<()>) -> Result<u64> {
         self.meter.start("tree", self.file.groups().len() as u64);
         let tree = Tree::find(self.file, |_| self.step())?;
         let mut sets = 0;
-        tilesets(self.file, &tree, self.options, |set| {
+        tilesets(self.file, &tree, options, |set| {
             sets += 1;
             sink(set)?;
             self.go_on()
@@ -233,9 +270,9 @@ impl Work<'_> {
         Ok(sets)
     }
 
-    /// Normals of vertices, where tiles get some that the file does not have.
+    /// Normals of vertices, where they get some.
     fn normals(&self) -> Result<Option<SharedNormals>> {
-        if !self.options.normals {
+        if !self.normals {
             return Ok(None);
         }
         let leaves = self.file.clusters().iter().filter(|cluster| cluster.is_leaf()).count();
@@ -243,6 +280,27 @@ impl Work<'_> {
         let normals = SharedNormals::find(self.file, |_| self.step())?;
         self.meter.finish();
         Ok(Some(normals))
+    }
+
+    /// Makes something of each cluster, on all threads, and takes it in the order of clusters.
+    fn in_order<T: Send>(
+        &self,
+        label: &str,
+        make: impl Fn(ClusterId) -> Result<T> + Sync,
+        mut take: impl FnMut(T) -> Result<()>,
+    ) -> Result<()> {
+        let clusters: Vec<ClusterId> = (0..self.file.header().cluster_count).map(ClusterId).collect();
+        self.meter.start(label, clusters.len() as u64);
+        for batch in clusters.chunks(AHEAD * rayon::current_num_threads()) {
+            let made = batch.par_iter().map(|id| {
+                self.step()?;
+                make(*id)
+            });
+            let made: Vec<T> = made.collect::<Result<_>>()?;
+            made.into_iter().try_for_each(&mut take)?;
+        }
+        self.file.get_ref().check_unchanged()?;
+        Ok(())
     }
 
     /// One more piece is done, or begun.

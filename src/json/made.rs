@@ -132,6 +132,30 @@ pub(crate) struct Export {
     pub(crate) warnings: Vec<String>,
 }
 
+/// `chpm export --meshlets --json`
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct ExportMeshlets {
+    /// `chpm-export-meshlets/1`
+    pub(crate) schema: &'static str,
+    /// The file as it was named
+    pub(crate) file: String,
+    /// The output
+    pub(crate) output: String,
+    /// Meshes of the hierarchy
+    pub(crate) meshes: u64,
+    /// Meshlets of all meshes
+    pub(crate) meshlets: u64,
+    /// Triangles of all meshes
+    pub(crate) triangles: u64,
+    /// Vertices of all meshes
+    pub(crate) vertices: u64,
+    /// Length of the output
+    pub(crate) bytes: u64,
+    /// Remarks on what was left out
+    pub(crate) warnings: Vec<String>,
+}
+
 /// `chpm share --json`
 #[cfg(feature = "web")]
 #[derive(Serialize, Debug)]

@@ -7,52 +7,28 @@ use chpm_export::tiles::{Archive, Mesh, Options, SharedNormals, tile, tile_image
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::ClusterId;
-use rayon::prelude::*;
+use std::path::Path;
 
 /// Memory of a cluster: two files in the mean, since half of all are leaves, whose finest mesh and image have files, too; and some subtrees.
 pub(super) const EACH: u64 = 3 * Archive::<Vec<u8>>::EACH;
 
-/// Clusters that are made before they are written, for each thread: files come in their order, whoever is faster.
-const AHEAD: usize = 4;
-
-fn batch() -> usize {
-    AHEAD * rayon::current_num_threads()
-}
-
-/// Memory of the files that wait to be written, at most.
-pub(super) fn waiting(file: &Chpm<MappedFile>) -> u64 {
-    // Positions, normals, colours and indices of the base mesh and the finest, with what stands before them.
-    let heaviest = file.clusters().iter().map(|cluster| {
-        4096 + 2 * (40 * u64::from(cluster.vertex_count) + 12 * u64::from(cluster.triangle_count))
-    });
-    let sheet = file.sheets().iter().map(|sheet| sheet.len()).max().unwrap_or(0);
-    batch() as u64 * (heaviest.max().unwrap_or(0) + sheet)
-}
-
 /// Writes all of it.
-pub(super) fn write(work: &Work<'_>, args: &Args) -> Result<Sums> {
-    let &Work { file, options, meter, .. } = work;
-    let mut archive = Archive::new(EXPORT.create(&args.tiles, args.force, &[&args.file])?);
-    let mut sums = Sums::default();
-    sums.sets = work.tilesets(|set| Ok(archive.add(&set.path, set.json.as_bytes())?))?;
+pub(super) fn write(work: &Work<'_>, options: &Options, target: &Path, args: &Args) -> Result<Sums> {
+    let mut archive = Archive::new(EXPORT.create(target, args.force, &[&args.file])?);
+    let sets = work.tilesets(options, |set| Ok(archive.add(&set.path, set.json.as_bytes())?))?;
+    let mut sums = Sums { sets, ..Sums::default() };
 
     let normals = work.normals()?;
-    let clusters: Vec<ClusterId> = (0..file.header().cluster_count).map(ClusterId).collect();
-    meter.start("tiles", clusters.len() as u64);
-    for batch in clusters.chunks(batch()) {
-        let made = batch.par_iter().map(|id| {
-            work.step()?;
-            files(file, *id, options, normals.as_ref())
-        });
-        let made: Vec<Vec<TileFile>> = made.collect::<Result<_>>()?;
-        for TileFile { path, bytes, triangles } in made.into_iter().flatten() {
+    let make = |id| files(work.file, id, options, normals.as_ref());
+    work.in_order("tiles", make, |files| {
+        for TileFile { path, bytes, triangles } in files {
             archive.add(&path, &bytes)?;
             sums.bytes += bytes.len() as u64;
             sums.tiles += u64::from(triangles.is_some());
             sums.triangles += triangles.unwrap_or(0);
         }
-    }
-    file.get_ref().check_unchanged()?;
+        Ok(())
+    })?;
     let (out, len) = archive.finish()?;
     out.publish()?;
     Ok(Sums { archive: Some(len), ..sums })

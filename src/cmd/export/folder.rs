@@ -12,6 +12,7 @@ use chpm_mesh::{ClusterId, Counted};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::io;
+use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -22,12 +23,12 @@ const NAMES: [&str; 3] = ["tileset.json", "tiles", "subtrees"];
 pub(super) const EACH: u64 = 2 * 2 * 32;
 
 /// Writes all of it.
-pub(super) fn write(work: &Work<'_>, args: &Args) -> Result<Sums> {
-    let folder = OutputFolder::create(&args.tiles, args.force, &NAMES, Some(key(work.file, work.options)))?;
+pub(super) fn write(work: &Work<'_>, options: &Options, target: &Path, args: &Args) -> Result<Sums> {
+    let folder = OutputFolder::create(target, args.force, &NAMES, Some(key(work.file, options)))?;
     if folder.found() > 0 && !args.quiet {
         line(&format!("going on: {} are there", Counted(folder.found() as u64, "tile")));
     }
-    let sums = match fill(work, &folder) {
+    let sums = match fill(work, options, &folder) {
         Ok(sums) => sums,
         // What is wrong with the source will be so next time.
         Err(error) if work.cancel.is_cancelled() || error.chain().any(|cause| cause.is::<io::Error>()) => {
@@ -36,7 +37,7 @@ pub(super) fn write(work: &Work<'_>, args: &Args) -> Result<Sums> {
         Err(error) => return Err(error),
     };
     folder.publish()?;
-    output::finish(&args.tiles);
+    output::finish(target);
     Ok(sums)
 }
 
@@ -45,9 +46,9 @@ fn key(file: &Chpm<MappedFile>, options: &Options) -> u64 {
     xxh3_64(format!("{:016x} {options:?}", file.header().header_checksum).as_bytes())
 }
 
-fn fill(work: &Work<'_>, folder: &OutputFolder) -> Result<Sums> {
-    let &Work { file, options, meter, .. } = work;
-    let sets = work.tilesets(|set| {
+fn fill(work: &Work<'_>, options: &Options, folder: &OutputFolder) -> Result<Sums> {
+    let &Work { file, meter, .. } = work;
+    let sets = work.tilesets(options, |set| {
         folder.folder(above(&set.path))?;
         folder.write(&set.path, set.json.as_bytes())
     })?;

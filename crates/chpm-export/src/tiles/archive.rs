@@ -207,6 +207,7 @@ impl Record {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::{Seek, SeekFrom};
 
     fn number<const N: usize>(bytes: &[u8], at: usize) -> u64 {
         bytes[at..at + N].iter().rev().fold(0, |sum, byte| sum << 8 | u64::from(*byte))
@@ -286,6 +287,23 @@ mod tests {
                 assert_eq!(found, Some(&vec![i as u8; i % 7 + 1][..]), "{begin} {count} {i}");
             }
             assert_eq!(find(&bytes, begin, index, "tiles/none"), None);
+        }
+    }
+
+    /// In a file with a hole in front, so that only offsets are large.
+    #[test]
+    fn python_reads_what_lies_beyond_four_bytes() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("large.3tz");
+        let mut file = std::fs::File::create(&path).unwrap();
+        let begin = (1 << 32) - 20;
+        file.seek(SeekFrom::Start(begin)).unwrap();
+        file.write_all(&filled(begin, 9)).unwrap();
+        let read = "import sys, zipfile; z = zipfile.ZipFile(sys.argv[1]); assert z.testzip() is None; \
+                    print(len(z.infolist()), z.read('tiles/8') == bytes([8, 8]))";
+        match std::process::Command::new("python3").args(["-c", read]).arg(&path).output() {
+            Ok(out) => assert_eq!(out.stdout.trim_ascii(), b"10 True", "{}", out.stderr.escape_ascii()),
+            Err(_) => println!("skipped: no python3"),
         }
     }
 

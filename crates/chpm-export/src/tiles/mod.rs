@@ -18,10 +18,12 @@ mod tileset;
 mod tree;
 
 pub use archive::Archive;
+pub(crate) use content::mesh_of;
 pub use content::{Mesh, tile, tile_image};
 pub use normals::SharedNormals;
 pub use reprojection::{Map, Reprojection};
 pub use tileset::{Tileset, tilesets};
+pub(crate) use tree::GroupBounds;
 pub use tree::Tree;
 
 use crate::gltf::Placement;
