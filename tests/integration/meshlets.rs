@@ -153,10 +153,10 @@ impl File {
             assert_eq!((begins[i] + size).next_multiple_of(16), begins[i + 1], "table {i}");
         }
         let mut mesh = TriMesh::default();
-        mesh.positions = (0..vertices).map(|v| self.f32s(block + tables[0] + 12 * v)).collect();
-        mesh.normals = (0..normals).map(|v| self.f32s(block + tables[1] + 12 * v)).collect();
-        mesh.colors =
-            (0..colors).map(|v| std::array::from_fn(|i| self.bytes[block + tables[2] + 4 * v + i])).collect();
+        mesh.positions.extend((0..vertices).map(|v| self.f32s(block + tables[0] + 12 * v)));
+        mesh.normals.extend((0..normals).map(|v| self.f32s(block + tables[1] + 12 * v)));
+        mesh.colors
+            .extend((0..colors).map(|v| std::array::from_fn(|i| self.bytes[block + tables[2] + 4 * v + i])));
         self.meshlets.extend(read);
         let (low, high) = (self.f32s(at + 48), self.f32s(at + 60));
         let (level, cluster) = (self.u32(at + 40), self.size(at + 44));

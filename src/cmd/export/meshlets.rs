@@ -45,7 +45,7 @@ pub(super) fn run(args: &Args, target: &Path, stop: &Stop) -> Result<Verdict> {
     Ok(Verdict::Good)
 }
 
-/// What the file has and the output has not.
+/// Remarks on what the file has and the output has not.
 fn warnings(file: &Chpm<MappedFile>) -> Vec<String> {
     let images =
         "images have become colours of vertices: --3dtiles and `chpm extract --texture-size` write them";

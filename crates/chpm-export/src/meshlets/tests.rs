@@ -29,8 +29,8 @@ fn meshes() -> Vec<TriMesh> {
         .into();
     for scale in [1.0, 1e-38, 1e38] {
         let mut soup = TriMesh::default();
-        soup.positions = (0..900).map(|_| random.point(scale)).collect();
-        soup.triangles = (0..900).map(|i| [i, (i + 1) % 900, (i * i + 7) % 900]).collect();
+        soup.positions.extend((0..900).map(|_| random.point(scale)));
+        soup.triangles.extend((0..900).map(|i| [i, (i + 1) % 900, (i * i + 7) % 900]));
         soup.triangles.extend([[5, 5, 5], [3, 3, 9]]);
         meshes.push(soup);
     }
