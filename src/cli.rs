@@ -74,7 +74,7 @@ pub(crate) enum Command {
     Thickness(thickness::Args),
     /// Find which vertices can be seen from points
     Visible(visible::Args),
-    /// Write the whole hierarchy as 3D Tiles
+    /// Write the whole hierarchy, as 3D Tiles or meshlets
     Export(export::Args),
     /// Make a mesh smaller and prove how near it stays
     Simplify(simplify::Args),

@@ -202,6 +202,8 @@ const EXAMPLES: &[(&str, &[Example])] = &[
                 "chpm export scan.chpm --3dtiles placed --origin 13.4,52.5,34 --meshopt",
                 "somewhere in Berlin, compressed",
             ),
+            ("chpm export scan.chpm --3dtiles scan.3tz", "one file instead of a folder"),
+            ("chpm export scan.chpm --meshlets scan.meshlets", "for mesh shaders"),
         ],
     ),
     ("path", &[("chpm path orbit scan.chpm --frames 60 -o orbit.path", "once around it")]),

@@ -28,6 +28,10 @@ const fn writes(by: &'static str, format: &'static str) -> Writes {
 pub(crate) const BUILD: Writes = Writes { streams: false, ..writes("build", "CHPM") };
 pub(crate) const RELAYOUT: Writes = Writes { streams: false, ..writes("relayout", "CHPM") };
 pub(crate) const BUILD_TRACE: Writes = Writes { streams: false, ..writes("build --trace", "JSON") };
+pub(crate) const EXPORT: Writes =
+    Writes { streams: false, ..writes("export --3dtiles", "a 3D Tiles archive") };
+pub(crate) const EXPORT_MESHLETS: Writes =
+    Writes { streams: false, ..writes("export --meshlets", "meshlets") };
 pub(crate) const SYNTH: Writes = writes("synth", "PLY");
 pub(crate) const PATH: Writes = writes("path", "a camera path");
 pub(crate) const COMPARE_SVG: Writes = writes("compare --svg", "SVG");
@@ -61,10 +65,10 @@ pub(crate) const SCREENSHOT: Writes = Writes { streams: false, ..writes("view --
 const EXTENSIONS: &[(&str, &str)] = &[
     ("chpm", "CHPM"), ("ply", "PLY"), ("stl", "STL"), ("obj", "OBJ"), ("glb", "GLB"), ("gltf", "glTF"),
     ("path", "a camera path"), ("csv", "CSV"), ("html", "HTML"), ("htm", "HTML"), ("svg", "SVG"), ("png", "PNG"),
-    ("3dm", "Rhino"), ("3ds", "3DS"), ("3mf", "3MF"), ("abc", "Alembic"), ("amf", "AMF"), ("blend", "Blender"), ("bmp", "BMP"),
+    ("3dm", "Rhino"), ("3ds", "3DS"), ("3mf", "3MF"), ("3tz", "a 3D Tiles archive"), ("abc", "Alembic"), ("amf", "AMF"), ("blend", "Blender"), ("bmp", "BMP"),
     ("conf", "a list of range scans"), ("ctm", "OpenCTM"), ("dae", "COLLADA"), ("drc", "Draco"), ("dxf", "DXF"), ("e57", "E57"),
     ("exr", "OpenEXR"), ("fbx", "FBX"), ("geojson", "GeoJSON"), ("gif", "GIF"), ("gz", "gzip"), ("iges", "IGES"), ("igs", "IGES"),
-    ("npy", "NumPy"), ("jpeg", "JPEG"), ("jpg", "JPEG"), ("json", "JSON"), ("las", "LAS"), ("laz", "LAZ"), ("mp4", "MP4"), ("nii", "NIfTI"), ("off", "OFF"),
+    ("npy", "NumPy"), ("jpeg", "JPEG"), ("jpg", "JPEG"), ("json", "JSON"), ("las", "LAS"), ("laz", "LAZ"), ("meshlets", "meshlets"), ("mp4", "MP4"), ("nii", "NIfTI"), ("off", "OFF"),
     ("pcd", "PCD"), ("pdf", "PDF"), ("pts", "points"), ("step", "STEP"), ("stp", "STEP"), ("tar", "tar"), ("tif", "TIFF"),
     ("tiff", "TIFF"), ("tiles", "a list of tiles"), ("toml", "TOML"), ("tsv", "TSV"), ("txt", TEXT), ("usd", "USD"), ("usda", "USD"), ("usdc", "USD"), ("usdz", "USD"),
     ("vtk", "VTK"), ("vtp", "VTK"), ("vtu", "VTK"), ("webm", "WebM"), ("webp", "WebP"), ("wrl", "VRML"), ("x3d", "X3D"), ("xml", "XML"),
@@ -161,10 +165,16 @@ impl Writes {
         if is_stdout(path) {
             return Ok(Output::Stdout(stdout_of_bytes()));
         }
+        Ok(Output::File(self.create_file(path, force, inputs)?))
+    }
+
+    /// The same of what is not streamed, and so is a file.
+    pub(crate) fn create_file(self, path: &Path, force: bool, inputs: &[&Path]) -> Result<AtomicFile> {
+        self.check(path)?;
         // An input that is gone is told by whoever reads it.
         let is_input = inputs.iter().any(|input| same_file(input, path));
         ensure!(!is_input, "the output '{}' is the input itself; choose another name", path.display());
-        Ok(Output::File(AtomicFile::create(path, force)?))
+        Ok(AtomicFile::create(path, force)?)
     }
 }
 

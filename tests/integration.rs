@@ -6,6 +6,8 @@ mod integration {
 
     /// Sources are read twice, by two readers, and what one lost is missed by the other.
     mod against;
+    /// Tilesets as one file.
+    mod archive;
     /// Images of meshes that are taken out of a file.
     mod atlases;
     /// Many models at once: what is built, what is not built again, what a failure leaves of the others.
@@ -66,6 +68,8 @@ mod integration {
     mod measure;
     /// Verbs that read stay below the memory that they are given.
     mod memory;
+    /// The hierarchy for mesh shaders, read by the document alone.
+    mod meshlets;
     /// Surfaces that touch, coincide or overlap: no report of what the source has itself.
     mod odd_cuts;
     /// What is written, and where: devices, links, streams, names, limits.

@@ -1,49 +1,57 @@
 //! `chpm export`: the whole hierarchy for programs that stream it.
 
+mod archive;
+mod folder;
+mod meshlets;
+
 use super::{Verdict, open, reading, stdout};
 use crate::crs::CrsArgs;
-use crate::folder::{OutputFolder, above};
 use crate::georeference::{self, At, Georeference};
 use crate::json::{self, made, named};
 use crate::memory::{self, MemoryArgs};
 use crate::mesh_file;
 use crate::number;
-use crate::output;
+use crate::output::{self, Promise};
 use crate::progress::{Meter, line};
 use crate::stop::Stop;
 use crate::upright::Upright;
-use anyhow::{Result, ensure};
+use anyhow::{Result, bail, ensure};
 use chpm_build::Cancel;
 use chpm_export::Turn;
-use chpm_export::tiles::{Mesh, Options, SharedNormals, Tree, tile, tile_image, tile_path, tilesets};
+use chpm_export::meshlets::MOST;
+use chpm_export::tiles::{Options, SharedNormals, Tileset, Tree, tilesets};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_mesh::{Aabb, Bytes, ClusterId, Counted};
 use chpm_refine::Up;
 use clap::ValueEnum;
 use rayon::prelude::*;
-use std::collections::BTreeSet;
-use std::io::{self, Write};
-use std::path::PathBuf;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use xxhash_rust::xxh3::xxh3_64;
+use std::io::Write;
+use std::path::{Path, PathBuf};
 
 /// Arguments of `chpm export`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
     /// The .chpm file
     file: PathBuf,
-    /// Make a 3D Tiles 1.1 tileset in the folder DIR, for CesiumJS, 3d-tiles-renderer and others. Its geometric errors are the file's bounds. It
-    /// takes about two triangles for each of the source; sheets, where the file has them, go in as they are
-    #[arg(long = "3dtiles", value_name = "DIR", required = true)]
-    tiles: PathBuf,
+    /// Make a 3D Tiles 1.1 tileset in the folder DIR, for CesiumJS, 3d-tiles-renderer and others; or, where the name ends in .3tz, as one file, the 3D Tiles
+    /// archive 1.3. Its geometric errors are the file's bounds. It takes about two triangles for each of the source; sheets, where the file has them, go in
+    /// as they are
+    #[arg(long = "3dtiles", value_name = "DIR", required_unless_present = "meshlets")]
+    tiles: Option<PathBuf>,
+    /// Make a file of meshlets, for engines that draw with mesh shaders: meshes in all resolutions with bounds to choose and to cull by. docs/MESHLETS.md has its bytes
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["tiles", "meshopt", "up", "origin", "transform", "crs", "geoid", "span"])]
+    meshlets: Option<PathBuf>,
+    /// Triangles of a meshlet, at most, and vertices
+    #[arg(long, value_name = "N", default_value_t = 128, conflicts_with = "tiles", value_parser = number::count(8_u32..=MOST))]
+    meshlet_triangles: u32,
     /// Compress the tiles: EXT_meshopt_compression
     #[arg(long)]
     meshopt: bool,
     /// What is up in the model: x, y, z, -x, -y or -z. If not given, what `render` finds, and z with --origin or --transform
     #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
     up: Option<Up>,
-    /// Normals of tiles where the file has none
+    /// Normals of vertices where the file has none
     #[arg(long, value_name = "WHICH", value_enum, default_value_t = Normals::Computed)]
     normals: Normals,
     /// Where on the earth the model's zero point is, or what --origin-at names: degrees of longitude and latitude, and metres above the ellipsoid. Then x
@@ -61,7 +69,7 @@ pub(crate) struct Args {
     /// Levels of the hierarchy in one file of the tileset
     #[arg(long, value_name = "N", default_value_t = Options::SPAN, hide = true, value_parser = number::count(1_u32..=32))]
     span: u32,
-    /// Replace the folder if it is an earlier export
+    /// Replace the folder if it is an earlier export, or the file
     #[arg(short, long)]
     force: bool,
     /// What was written as JSON on stdout
@@ -79,38 +87,68 @@ type Transform = [f64; 16];
 
 #[derive(ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
 enum Normals {
-    /// By the triangles about a vertex; the same in all tiles where tiles meet
+    /// By the triangles about a vertex; the same in all meshes where they meet
     Computed,
     /// Left out: many viewers then draw facets, or no shading at all
     None,
 }
 
-/// Names in an export's folder.
-const NAMES: [&str; 3] = ["tileset.json", "tiles", "subtrees"];
-
-/// Memory of a cluster besides the tables: its parent, twice, its group's list of them, error and place in an order, its id, and a stopped run's
-/// record of its tiles.
-const EACH: u64 = 20 + 40 + 2 * 2 * 32;
+/// Memory of a cluster besides the tables: its parent, twice, its group's list of them, error and place in an order, and its id.
+const EACH: u64 = 20 + 40;
 /// Memory of a thread for one tile, at most: 65,535 vertices and twice as many triangles.
 const WORK: u64 = 12 << 20;
 /// Times that the bytes of a sheet are in memory: by themselves, and in its tile.
 const COPIES: u64 = 2;
 
-/// Exports into a folder.
+/// Clusters whose meshes are made before they are written into one file, for each thread: they come in their order, whoever is faster.
+const AHEAD: usize = 4;
+
+/// Exports into a folder, or a file.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
-    output::check_folder("export", &args.tiles)?;
+    match (&args.meshlets, &args.tiles) {
+        (Some(target), _) => meshlets::run(args, target, stop),
+        (None, Some(target)) => tiles(args, target, stop),
+        (None, None) => bail!("nothing to export: name --3dtiles or --meshlets"),
+    }
+}
+
+fn tiles(args: &Args, target: &Path, stop: &Stop) -> Result<Verdict> {
+    let is_archive = output::promised(target) == Promise::Format(output::EXPORT.format());
+    if !is_archive {
+        output::check_folder("export", target)?;
+    }
     let cancel = stop.heed();
     let file = open(&args.file)?;
     let threads = rayon::current_num_threads() as u64;
     let normals = if computes(&file, args) { SharedNormals::memory(&file) } else { 0 };
     let sheet = file.sheets().iter().map(|sheet| sheet.len()).max().unwrap_or(0);
-    let own = EACH * u64::from(file.header().cluster_count) + (WORK + COPIES * sheet) * threads + normals;
+    let (each, waiting) = if is_archive { (archive::EACH, waiting(&file)) } else { (folder::EACH, 0) };
+    let own = (EACH + each) * u64::from(file.header().cluster_count)
+        + (WORK + COPIES * sheet) * threads
+        + normals
+        + waiting;
     memory::divide(&file, args.memory.memory(), own)?;
-    reading(&file, || export(&file, args, &cancel))?;
+    reading(&file, || export(&file, args, target, is_archive, &cancel))?;
     Ok(Verdict::Good)
 }
 
-fn export(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<()> {
+/// Memory of the meshes that wait to be written, at most.
+fn waiting(file: &Chpm<MappedFile>) -> u64 {
+    // Vertices and triangles of the base mesh and the finest, with what stands before them.
+    let heaviest = file.clusters().iter().map(|cluster| {
+        4096 + 2 * (40 * u64::from(cluster.vertex_count) + 12 * u64::from(cluster.triangle_count))
+    });
+    let sheet = file.sheets().iter().map(|sheet| sheet.len()).max().unwrap_or(0);
+    (AHEAD * rayon::current_num_threads()) as u64 * (heaviest.max().unwrap_or(0) + sheet)
+}
+
+fn export(
+    file: &Chpm<MappedFile>,
+    args: &Args,
+    target: &Path,
+    is_archive: bool,
+    cancel: &Cancel,
+) -> Result<()> {
     // Whoever gives a place has coordinates that go to the east, the north and up.
     let is_placed = args.origin.is_some() || args.transform.is_some();
     let crs = args.crs.of(file, is_placed)?;
@@ -138,34 +176,24 @@ fn export(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<()> {
         reprojection,
         span: args.span,
     };
-    let folder = OutputFolder::create(&args.tiles, args.force, &NAMES, Some(key(file, &options)))?;
-    if folder.found() > 0 && !args.quiet {
-        line(&format!("going on: {} are there", Counted(folder.found() as u64, "tile")));
-    }
     let meter = Meter::new(args.quiet);
-    let sums = match fill(file, &options, &folder, &meter, cancel) {
-        Ok(sums) => sums,
-        // What is wrong with the source will be so next time.
-        Err(error) if cancel.is_cancelled() || error.chain().any(|cause| cause.is::<io::Error>()) => {
-            return Err(folder.keep(error));
-        }
-        Err(error) => return Err(error),
-    };
-    folder.publish()?;
-    output::finish(&args.tiles);
+    let work = Work { file, normals: options.normals, meter: &meter, cancel };
+    let write = if is_archive { archive::write } else { folder::write };
+    let sums = write(&work, &options, target, args)?;
     meter.finish();
 
     let mut out = stdout();
-    let [sets, tiles, triangles, bytes] = sums;
+    let Sums { sets, tiles, triangles, bytes, archive } = sums;
     if args.json {
         let export = made::Export {
             schema: "chpm-export/1",
             file: named(&args.file),
-            output: named(&args.tiles),
+            output: named(target),
             tilesets: sets,
             tiles,
             triangles,
             tile_bytes: bytes,
+            archive_bytes: archive,
             warnings,
         };
         json::print(&export, &mut out)?;
@@ -174,14 +202,16 @@ fn export(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<()> {
     if !upright.why.is_empty() {
         writeln!(out, "{} (--up chooses otherwise)", upright.why)?;
     }
+    let whole = archive.map(|bytes| format!("; the archive has {}", Bytes(bytes)));
     writeln!(
         out,
-        "{}: {} of {}, {}, in {}",
-        args.tiles.display(),
+        "{}: {} of {}, {}, in {}{}",
+        target.display(),
         Counted(tiles, "tile"),
         Counted(triangles, "triangle"),
         Bytes(bytes),
         Counted(sets, "tileset"),
+        whole.unwrap_or_default(),
     )?;
     Ok(out.flush()?)
 }
@@ -204,80 +234,83 @@ fn computes(file: &Chpm<MappedFile>, args: &Args) -> bool {
     args.normals == Normals::Computed && !file.header().attributes().decoded().normals
 }
 
-/// Hash of everything that decides the bytes: the options, and the file, whose header has a checksum of the checksums of all that is in it.
-fn key(file: &Chpm<MappedFile>, options: &Options) -> u64 {
-    xxh3_64(format!("{:016x} {options:?}", file.header().header_checksum).as_bytes())
+/// An export: of which file, and who is told.
+struct Work<'a> {
+    file: &'a Chpm<MappedFile>,
+    /// Whether vertices get normals that the file does not have.
+    normals: bool,
+    meter: &'a Meter,
+    cancel: &'a Cancel,
 }
 
-/// Writes all of it; how many tilesets, tiles, triangles and bytes of tiles that are.
-fn fill(
-    file: &Chpm<MappedFile>,
-    options: &Options,
-    folder: &OutputFolder,
-    meter: &Meter,
-    cancel: &Cancel,
-) -> Result<[u64; 4]> {
-    meter.start("tree", file.groups().len() as u64);
-    let tree = Tree::find(file, |_| {
-        meter.add(1);
-        go_on(cancel)
-    })?;
-    let mut sets = 0_u64;
-    tilesets(file, &tree, options, |set| {
-        sets += 1;
-        folder.folder(above(&set.path))?;
-        folder.write(&set.path, set.json.as_bytes())?;
-        go_on(cancel)
-    })?;
-    meter.finish();
+/// How much was written.
+#[derive(Default)]
+struct Sums {
+    sets: u64,
+    tiles: u64,
+    triangles: u64,
+    /// Of tiles and their images.
+    bytes: u64,
+    /// Of the archive, if it is one.
+    archive: Option<u64>,
+}
 
-    let normals = if options.normals { Some(normals(file, meter, cancel)?) } else { None };
-    let clusters: Vec<ClusterId> = (0..file.header().cluster_count).map(ClusterId).collect();
-    let folders: BTreeSet<String> =
-        clusters.iter().map(|id| above(&tile_path(*id, Mesh::Base)).to_owned()).collect();
-    folders.iter().try_for_each(|name| folder.folder(name))?;
-    meter.start("tiles", clusters.len() as u64);
-    let [tiles, triangles, bytes] = [0, 0, 0].map(AtomicU64::new);
-    clusters.par_iter().try_for_each(|id| {
-        for mesh in Mesh::of(file, *id) {
-            let path = tile_path(*id, *mesh);
-            let (len, count) = match folder.whole(&path) {
-                Some(found) => found,
-                None => {
-                    let (glb, count) = tile(file, *id, *mesh, options, normals.as_ref())?;
-                    folder.write_to_keep(&path, &glb, count)?;
-                    (glb.len() as u64, count)
-                }
-            };
-            for (sum, more) in [(&tiles, 1), (&triangles, count), (&bytes, len)] {
-                sum.fetch_add(more, Relaxed);
-            }
+impl Work<'_> {
+    /// All files that are no tiles; answers how many they are.
+    fn tilesets(&self, options: &Options, mut sink: impl FnMut(Tileset) -> Result<()>) -> Result<u64> {
+        self.meter.start("tree", self.file.groups().len() as u64);
+        let tree = Tree::find(self.file, |_| self.step())?;
+        let mut sets = 0;
+        tilesets(self.file, &tree, options, |set| {
+            sets += 1;
+            sink(set)?;
+            self.go_on()
+        })?;
+        self.meter.finish();
+        Ok(sets)
+    }
+
+    /// Normals of vertices, where they get some.
+    fn normals(&self) -> Result<Option<SharedNormals>> {
+        if !self.normals {
+            return Ok(None);
         }
-        if let Some((path, image)) = tile_image(file, *id)? {
-            if folder.whole(&path).is_none() {
-                folder.write_to_keep(&path, &image, 0)?;
-            }
-            bytes.fetch_add(image.len() as u64, Relaxed);
+        let leaves = self.file.clusters().iter().filter(|cluster| cluster.is_leaf()).count();
+        self.meter.start("normals", leaves as u64);
+        let normals = SharedNormals::find(self.file, |_| self.step())?;
+        self.meter.finish();
+        Ok(Some(normals))
+    }
+
+    /// Makes something of each cluster, on all threads, and takes it in the order of clusters.
+    fn in_order<T: Send>(
+        &self,
+        label: &str,
+        make: impl Fn(ClusterId) -> Result<T> + Sync,
+        mut take: impl FnMut(T) -> Result<()>,
+    ) -> Result<()> {
+        let clusters: Vec<ClusterId> = (0..self.file.header().cluster_count).map(ClusterId).collect();
+        self.meter.start(label, clusters.len() as u64);
+        for batch in clusters.chunks(AHEAD * rayon::current_num_threads()) {
+            let made = batch.par_iter().map(|id| {
+                self.step()?;
+                make(*id)
+            });
+            let made: Vec<T> = made.collect::<Result<_>>()?;
+            made.into_iter().try_for_each(&mut take)?;
         }
-        meter.add(1);
-        go_on(cancel)
-    })?;
-    file.get_ref().check_unchanged()?;
-    Ok([sets, tiles.into_inner(), triangles.into_inner(), bytes.into_inner()])
-}
+        self.file.get_ref().check_unchanged()?;
+        Ok(())
+    }
 
-fn normals(file: &Chpm<MappedFile>, meter: &Meter, cancel: &Cancel) -> Result<SharedNormals> {
-    let leaves = file.clusters().iter().filter(|cluster| cluster.is_leaf()).count();
-    meter.start("normals", leaves as u64);
-    let normals = SharedNormals::find(file, |_| {
-        meter.add(1);
-        go_on(cancel)
-    })?;
-    meter.finish();
-    Ok(normals)
-}
+    /// One more piece is done, or begun.
+    fn step(&self) -> Result<()> {
+        self.meter.add(1);
+        self.go_on()
+    }
 
-fn go_on(cancel: &Cancel) -> std::result::Result<(), anyhow::Error> {
-    ensure!(!cancel.is_cancelled(), "stopped on request");
-    Ok(())
+    fn go_on(&self) -> Result<()> {
+        ensure!(!self.cancel.is_cancelled(), "stopped on request");
+        Ok(())
+    }
 }

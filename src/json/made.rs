@@ -116,7 +116,7 @@ pub(crate) struct Export {
     pub(crate) schema: &'static str,
     /// The file as it was named
     pub(crate) file: String,
-    /// The folder
+    /// The folder, or the archive
     pub(crate) output: String,
     /// Files of the tileset
     pub(crate) tilesets: u64,
@@ -126,7 +126,33 @@ pub(crate) struct Export {
     pub(crate) triangles: u64,
     /// Bytes of all tiles
     pub(crate) tile_bytes: u64,
+    /// Bytes of the archive; null for a folder
+    pub(crate) archive_bytes: Option<u64>,
     /// Remarks on what was left out, or lies elsewhere than one would think
+    pub(crate) warnings: Vec<String>,
+}
+
+/// `chpm export --meshlets --json`
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct ExportMeshlets {
+    /// `chpm-export-meshlets/1`
+    pub(crate) schema: &'static str,
+    /// The file as it was named
+    pub(crate) file: String,
+    /// The output
+    pub(crate) output: String,
+    /// Meshes of the hierarchy
+    pub(crate) meshes: u64,
+    /// Meshlets of all meshes
+    pub(crate) meshlets: u64,
+    /// Triangles of all meshes
+    pub(crate) triangles: u64,
+    /// Vertices of all meshes
+    pub(crate) vertices: u64,
+    /// Length of the output
+    pub(crate) bytes: u64,
+    /// Remarks on what was left out
     pub(crate) warnings: Vec<String>,
 }
 

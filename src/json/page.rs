@@ -40,6 +40,7 @@ fn documents() -> Vec<(&'static str, Value)> {
         ("chpm-simplify/1", schema_for!(made::Simplify).to_value()),
         ("chpm-origin/1", schema_for!(made::Origin).to_value()),
         ("chpm-export/1", schema_for!(made::Export).to_value()),
+        ("chpm-export-meshlets/1", schema_for!(made::ExportMeshlets).to_value()),
         ("chpm-share/1", schema_for!(made::Share).to_value()),
         ("chpm-report/1", schema_for!(made::Report).to_value()),
         ("chpm-batch/1", schema_for!(Summary).to_value()),

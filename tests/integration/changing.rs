@@ -144,6 +144,8 @@ fn every_verb_refuses_a_page_of_which_only_the_checksum_tells() {
         "extract bad.chpm --error 0 -o out.ply -q",
         "extract bad.chpm --poe 1 -o - -q",
         "export bad.chpm --3dtiles out -q",
+        "export bad.chpm --3dtiles out.3tz -q",
+        "export bad.chpm --meshlets out.meshlets -q",
         "relayout bad.chpm -o out.chpm --pages packed -q",
         "info bad.chpm --cache",
         "info bad.chpm --parts",

@@ -48,7 +48,7 @@ fn earth([longitude, latitude, height]: [f64; 3]) -> [f64; 3] {
 const SIDE: usize = 48;
 
 /// Hills of twenty kilometres by twenty, and where their vertices are on the earth.
-fn hills(folder: &Folder) -> Vec<[f64; 3]> {
+pub(crate) fn hills(folder: &Folder) -> Vec<[f64; 3]> {
     let mut text = format!(
         "ply\nformat ascii 1.0\nelement vertex {}\nproperty double x\nproperty double y\nproperty double z\nelement face {}\n\
          property list uchar int vertex_indices\nend_header\n",

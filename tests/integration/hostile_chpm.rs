@@ -2,7 +2,7 @@
 
 use super::harness::{Folder, text};
 
-const VERBS: [&str; 11] = [
+const VERBS: [&str; 13] = [
     "verify bad.chpm -q",
     "info bad.chpm",
     "dump bad.chpm --pages",
@@ -11,6 +11,8 @@ const VERBS: [&str; 11] = [
     "extract bad.chpm --level 0 -o out.stl -qf",
     "extract bad.chpm --level 0 -o out.glb -qf --meshopt",
     "export bad.chpm --3dtiles tiles -qf",
+    "export bad.chpm --3dtiles tiles.3tz -qf",
+    "export bad.chpm --meshlets out.meshlets -qf",
     "path dive bad.chpm --frames 5 -o out.path -f",
     "walk bad.chpm good.path --poe 0.1 -q",
     "walk bad.chpm good.path --poe 0.1 --latency 1 --prefetch 1M --memory 200K -q",

@@ -138,6 +138,8 @@ fn every_key_is_documented_and_appears() {
         ("simplify", "simplify in.ply --within 1% -o simple.glb -q --json", 0),
         ("simplify", "simplify odd.obj --within 1% -o simple.stl -q --json", 0),
         ("export", "export in.chpm --3dtiles tiles -q --json", 0),
+        ("export", "export in.chpm --3dtiles tiles.3tz -q --json", 0),
+        ("export-meshlets", "export in.chpm --meshlets in.meshlets -q --json", 0),
         ("report", "report in.chpm -o page.html -q --json", 0),
         ("bench", "bench in.ply --runs 1 --samples 1 -q --json", 0),
         ("bench-threads", "bench in.ply --threads 1,2 --runs 1 -q --json", 0),

@@ -194,7 +194,7 @@ fn names_of_other_formats_are_refused() {
 }
 
 /// All else that writes, each word by word, and whether it is a folder: the name of one may end in anything but a format.
-const OTHERS: [(&str, bool); 25] = [
+const OTHERS: [(&str, bool); 26] = [
     ("rays ball.chpm ball.ply -o NAME", false),
     ("thickness ball.chpm -o NAME", false),
     ("visible ball.chpm --from 0,0,9 --svg NAME", false),
@@ -216,6 +216,7 @@ const OTHERS: [(&str, bool); 25] = [
     ("walk ball.chpm ball.path --csv NAME", false),
     ("bench ball.ply --csv NAME", false),
     ("export ball.chpm --3dtiles NAME", true),
+    ("export ball.chpm --meshlets NAME", false),
     ("batch ball.ply -o NAME", true),
     ("batch --merge ball.ply -o NAME", true),
     ("man NAME", true),
@@ -442,6 +443,8 @@ fn a_full_standard_output_is_called_that() {
         ("relayout ball.chpm -q --pages packed -o packed.chpm", Some("packed.chpm")),
         ("path orbit ball.chpm --frames 2 -o out.path", Some("out.path")),
         ("export ball.chpm -q --3dtiles tiles", Some("tiles")),
+        ("export ball.chpm -q --3dtiles tiles.3tz", Some("tiles.3tz")),
+        ("export ball.chpm -q --meshlets out.meshlets", Some("out.meshlets")),
     ] {
         let Ok(full) = fs::File::options().write(true).open("/dev/full") else {
             skipped("a full standard output: no /dev/full");

@@ -17,21 +17,21 @@ use std::process::{Command, Stdio};
 
 /// An eye, and the error in a pixel at distance 1 times the pixels that are allowed.
 #[derive(Clone, Copy, Debug)]
-struct View {
-    eye: [f64; 3],
-    allowed: f64,
+pub(crate) struct View {
+    pub(crate) eye: [f64; 3],
+    pub(crate) allowed: f64,
 }
 
 impl View {
     /// Whether an error in a box, from its middle so far along each axis, is too much.
-    fn refines(&self, center: [f64; 3], half: [f64; 3], error: f64) -> bool {
+    pub(crate) fn refines(&self, center: [f64; 3], half: [f64; 3], error: f64) -> bool {
         let outside = [0, 1, 2].map(|axis| ((self.eye[axis] - center[axis]).abs() - half[axis]).max(0.0));
         error > self.allowed * outside.iter().map(|x| x * x).sum::<f64>().sqrt()
     }
 }
 
 /// Views from near and far, with more error and less.
-fn views(file: &Chpm<MappedFile>, count: u32) -> Vec<View> {
+pub(crate) fn views(file: &Chpm<MappedFile>, count: u32) -> Vec<View> {
     let bounds = file.header().aabb();
     let (center, size) = (bounds.center(), bounds.diagonal());
     let view = |i: u32| {
@@ -139,7 +139,7 @@ impl Viewer {
 }
 
 /// The cut at the base meshes, and of leaves that are too coarse the finest, as selection by the file's own tables has it.
-fn cut(file: &Chpm<MappedFile>, view: &View) -> Cut {
+pub(crate) fn cut(file: &Chpm<MappedFile>, view: &View) -> Cut {
     let boxes = boxes(file);
     let bound = |group: chpm_mesh::GroupId| {
         let (record, bounds) = (&file.groups()[group.index()], &boxes[group.index()]);
@@ -169,16 +169,16 @@ fn boxes(file: &Chpm<MappedFile>) -> Vec<Aabb> {
     boxes
 }
 
-fn bits(mesh: &TriMesh) -> Triangles {
+pub(crate) fn bits(mesh: &TriMesh) -> Triangles {
     triangles(mesh)
 }
 
-fn open(folder: &Folder, name: &str) -> Chpm<MappedFile> {
+pub(crate) fn open(folder: &Folder, name: &str) -> Chpm<MappedFile> {
     Chpm::open(MappedFile::open(&folder.path(name)).expect("a file")).expect("a CHPM")
 }
 
 /// A closed surface, one with open borders, and one of several roots.
-fn models() -> Folder {
+pub(crate) fn models() -> Folder {
     let folder = Folder::new();
     folder.stdout("synth isosurface --triangles 40000 -o closed.ply -q");
     folder.stdout("synth terrain --triangles 30000 -o open.ply -q");
@@ -189,7 +189,7 @@ fn models() -> Folder {
 }
 
 /// All files below a folder, by name.
-fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+pub(crate) fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut found = BTreeMap::new();
     let mut waiting = vec![folder.to_owned()];
     while let Some(place) = waiting.pop() {

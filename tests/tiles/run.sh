@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Tilesets of three models, and of one of them with boxes of its own, in a browser: tiles that are drawn, cracks, and every GLB by gltf-validator.
-# bash tests/tiles/run.sh [MODEL.ply ...]: of these instead of generated ones. CHPM names another command.
+# Archives (.3tz): archive/run.sh. bash tests/tiles/run.sh [MODEL.ply ...]: of these instead of generated ones. CHPM names another command.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 chpm=${CHPM:-$here/../../target/release/chpm}

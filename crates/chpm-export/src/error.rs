@@ -49,6 +49,14 @@ pub enum ExportError {
         /// Message of the library.
         reason: String,
     },
+    /// A mesh that could not be cut into meshlets.
+    #[error("cutting {triangles} triangles into meshlets failed: {reason}")]
+    Meshlets {
+        /// How many there are.
+        triangles: usize,
+        /// Message of the library, or what is wrong with its result.
+        reason: String,
+    },
     /// A point that a system of coordinates does not have.
     #[error("the model is outside of {system}: it has no place for {place:?}")]
     Outside {

@@ -1,8 +1,8 @@
-//! Meshes and hierarchies for other programs: STL, OBJ, glTF 2.0 and 3D Tiles 1.1.
+//! Meshes and hierarchies for other programs: STL, OBJ, glTF 2.0, 3D Tiles 1.1 and meshlets.
 //!
 //! [`StlWriter`], [`ObjWriter`] and [`GlbWriter`] take a mesh in batches and write it front to back, so that none has to be in memory;
 //! [`PackedGlb`] does the same in two passes, with `EXT_meshopt_compression`. [`Atlases`] packs sheets of a cut into images, and [`TexturedPart`]s with
-//! these are written as a whole. [`tiles`] makes a tree of tiles of a whole `.chpm`. Nothing here opens a file or starts a thread. PLY is written by `chpm-import`, beside its reader.
+//! these are written as a whole. [`tiles`] makes a tree of tiles of a whole `.chpm`, [`meshlets`] a file for mesh shaders. Nothing here opens a file or starts a thread. PLY is written by `chpm-import`, beside its reader.
 #![forbid(unsafe_code)]
 
 mod atlas;
@@ -12,6 +12,7 @@ mod finer;
 mod glb;
 mod gltf;
 mod grid;
+pub mod meshlets;
 mod obj;
 mod packed_glb;
 mod scene;

@@ -105,7 +105,7 @@ impl fmt::Display for Counted<'_> {
         // Of a phrase, the noun is what a preposition follows.
         let (head, tail) = noun.find(" of ").map_or((noun, ""), |at| noun.split_at(at));
         // The endings of the nouns that are counted.
-        let endings = [("vertex", "vertices"), ("leaf", "leaves"), ("copy", "copies")];
+        let endings = [("vertex", "vertices"), ("leaf", "leaves"), ("copy", "copies"), ("mesh", "meshes")];
         let irregular = endings.iter().find_map(|(one, many)| Some((head.strip_suffix(one)?, many)));
         match irregular {
             _ if n == 1 => write!(f, " {noun}"),

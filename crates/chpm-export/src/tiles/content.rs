@@ -66,14 +66,8 @@ pub fn tile<D: AsRef<[u8]>>(
 ) -> Result<(Vec<u8>, u64), ExportError> {
     let page = file.page(cluster)?;
     let page = page.view();
-    let n = mesh.position(&page);
-    let mut places = Places::default();
-    places.go_to(&page.progressive_mesh(), n);
-    let (mut mesh, used) = compact(&page, &places);
-    if let Some(normals) = normals {
-        normals.give(&page, &used, &mut mesh);
-    }
-    let error = page.error_at(n);
+    let error = page.error_at(mesh.position(&page));
+    let (mut mesh, places) = played(&page, mesh, normals);
 
     let facts = Facts {
         generator: options.generator.clone(),
@@ -102,6 +96,27 @@ pub fn tile<D: AsRef<[u8]>>(
     let attributes = Attributes { normals: stored.normals || normals.is_some(), ..stored };
     let glb = content(&facts, attributes, &mesh, options.packed)?;
     Ok((glb, mesh.triangles.len() as u64))
+}
+
+/// A mesh of a cluster; positions are relative to the file's origin. With `normals`, the file has none.
+pub(crate) fn mesh_of<D: AsRef<[u8]>>(
+    file: &Chpm<D>,
+    cluster: ClusterId,
+    mesh: Mesh,
+    normals: Option<&SharedNormals>,
+) -> Result<TriMesh, ExportError> {
+    Ok(played(&file.page(cluster)?.view(), mesh, normals).0)
+}
+
+/// A mesh of a page, and where its vertices have gone.
+fn played(page: &Page<'_>, mesh: Mesh, normals: Option<&SharedNormals>) -> (TriMesh, Places) {
+    let mut places = Places::default();
+    places.go_to(&page.progressive_mesh(), mesh.position(page));
+    let (mut mesh, used) = compact(page, &places);
+    if let Some(normals) = normals {
+        normals.give(page, &used, &mut mesh);
+    }
+    (mesh, places)
 }
 
 /// Takes vertices, whose positions are relative to the file's origin, to the frame of the tiles, if that is another one.

@@ -8,6 +8,7 @@
 //! group has several. For settled views any member would do as a parent; while tiles load, a parent covers what its children do. A tileset of its own begins wherever the level divided by
 //! eight changes. Tested: a viewer of 30 lines in `tests/integration/tiles.rs`, and 3d-tiles-renderer in Chromium by hand (`tests/tiles/check.mjs`).
 
+mod archive;
 mod content;
 mod normals;
 mod reprojection;
@@ -16,10 +17,13 @@ mod tests;
 mod tileset;
 mod tree;
 
+pub use archive::Archive;
+pub(crate) use content::mesh_of;
 pub use content::{Mesh, tile, tile_image};
 pub use normals::SharedNormals;
 pub use reprojection::{Map, Reprojection};
 pub use tileset::{Tileset, tilesets};
+pub(crate) use tree::GroupBounds;
 pub use tree::Tree;
 
 use crate::gltf::Placement;

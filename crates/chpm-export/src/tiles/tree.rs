@@ -12,10 +12,34 @@ use xxhash_rust::xxh3::xxh3_64;
 pub struct Tree {
     /// By cluster; the roots have themselves.
     parents: Vec<u32>,
+    bounds: GroupBounds,
+}
+
+/// The numbers by which groups are refined, the same for all of a group.
+pub(crate) struct GroupBounds {
     /// By group: at least its largest error, and more than any group below has.
     errors: Vec<f32>,
     /// By group: the box around its clusters and all that is below.
     boxes: Vec<Aabb>,
+}
+
+impl GroupBounds {
+    /// Those of a file, from its tables.
+    pub(crate) fn of<D: AsRef<[u8]>>(file: &Chpm<D>) -> Self {
+        let upward = upward(file);
+        GroupBounds { errors: falling(file, &upward), boxes: nested(file, &upward) }
+    }
+
+    /// The error that a viewer decides by. It falls from group to group, by a last bit at least: viewers take a tile whose error is no less than its
+    /// parent's for one that is never to be drawn itself.
+    pub(crate) fn error(&self, group: GroupId) -> f32 {
+        self.errors[group.index()]
+    }
+
+    /// The box around a group and all that is below, the same for all of its coarse clusters.
+    pub(crate) fn around(&self, group: GroupId) -> &Aabb {
+        &self.boxes[group.index()]
+    }
 }
 
 impl Tree {
@@ -39,19 +63,17 @@ impl Tree {
                 parents[*cluster as usize] = *parent;
             }
         }
-        let upward = upward(file);
-        Ok(Tree { parents, errors: falling(file, &upward), boxes: nested(file, &upward) })
+        Ok(Tree { parents, bounds: GroupBounds::of(file) })
     }
 
-    /// The error that a viewer decides by. It falls from tile to tile, by a last bit at least: viewers take a tile whose error is no less than its
-    /// parent's for one that is never to be drawn itself.
+    /// The error that a viewer decides by. It falls strictly from tile to tile.
     pub fn error(&self, group: GroupId) -> f32 {
-        self.errors[group.index()]
+        self.bounds.error(group)
     }
 
     /// The box around a group and all that is below, the same for all of its coarse clusters.
     pub fn bounds(&self, group: GroupId) -> &Aabb {
-        &self.boxes[group.index()]
+        self.bounds.around(group)
     }
 
     /// The parts of a coarse cluster, ascending.
