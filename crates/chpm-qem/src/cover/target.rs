@@ -8,7 +8,7 @@ pub(crate) struct Target {
     pub(crate) corners: [Point3<f64>; 3],
     pub(crate) low: Vector3<f64>,
     pub(crate) high: Vector3<f64>,
-    /// What turns products with the edges at the first corner into weights of the other two; not a number where there is no area.
+    /// Factors from products with the edges at the first corner to weights of the other two; not a number where there is no area.
     weights: [f64; 3],
 }
 
