@@ -100,7 +100,7 @@ fn references(task: &GroupTask<'_>, root: u32, look: &Look) -> Result<Vec<Refere
         let count = |node: &u32| task.refs[*node as usize].map(|page| u64::from(page.base_triangle_count));
         let Some(count) = front.iter().map(count).sum::<Option<u64>>() else { continue };
         let most = match references.last() {
-            Some(finer) => (finer.triangle_count() / look.shrink.max(1)) as u64,
+            Some(finer) => (finer.triangle_count() / look.shrink) as u64,
             // The coarsest may be larger.
             None if level + 1 == top => look.coarsest,
             None => look.most,

@@ -1,7 +1,7 @@
 //! Triangles of the reference, held against faces of the mesh.
 
-use super::pieces::Surface;
-use super::surfaces::{Few, Many, enough};
+use super::pieces::{Served, Surface};
+use super::surfaces::{Few, Many, Seen, enough};
 use super::tree::BoxTree;
 use super::{CLOSE, Cover};
 use chpm_mesh::geom::to_f64;
@@ -12,6 +12,28 @@ const FACES: usize = 32;
 
 /// Faces that take its time if they are only looked at.
 const LOOKED_AT: usize = 256;
+
+/// Faces near the corners of a triangle, and for how many of these one was looked for, from `first` on: what is known of a point that was seen in this turn serves all of its triangles.
+fn serve(
+    vertices: [u32; 3],
+    corners: &[Point3<f64>; 3],
+    first: u32,
+    (known, seen): (&mut [Served], &mut Seen),
+    surface: &mut impl Surface,
+) -> ([Served; 3], u64) {
+    let mut found = 0;
+    let served = [0, 1, 2].map(|corner| {
+        let known = &mut known[vertices[corner] as usize];
+        if seen.is_new(vertices[corner]) {
+            let point = &corners[corner];
+            let (face, squared) = surface.nearest(point, (first, surface.target(first).squared(point)));
+            *known = (face, squared.sqrt());
+            found += 1;
+        }
+        *known
+    });
+    (served, found)
+}
 
 impl Cover<'_> {
     /// Notes how far a triangle is from the mesh, and which faces it was held against.
@@ -41,17 +63,9 @@ impl Cover<'_> {
         if far == f64::INFINITY {
             let enough = enough(self.reached, beyond);
             let mut many = Many { targets: &self.targets, tree, search: &mut self.search, beyond, enough };
-            let mut served = [(0, 0.0); 3];
             let vertices = self.reference.triangles[triangle as usize];
-            for (served, (v, point)) in served.iter_mut().zip(vertices.into_iter().zip(&corners)) {
-                let known = &mut self.served[v as usize];
-                if self.seen_points.is_new(v) {
-                    let first = (self.holder, self.targets[self.holder as usize].squared(point));
-                    let (face, squared) = many.nearest(point, first);
-                    *known = (face, squared.sqrt());
-                }
-                *served = *known;
-            }
+            let known = (&mut self.served[..], &mut self.seen_points);
+            let (served, _) = serve(vertices, &corners, self.holder, known, &mut many);
             far = self.pieces.reach(corners, served, self.reached, &mut many);
         }
         self.take(triangle, far, error);
@@ -72,18 +86,10 @@ impl Cover<'_> {
             && let Some(first) = near.first()
         {
             let mut few = Few { targets: &self.targets, of: near, beyond };
-            let mut served = [(0, 0.0); 3];
             let vertices = self.reference.triangles[triangle as usize];
-            for (served, (v, point)) in served.iter_mut().zip(vertices.into_iter().zip(&corners)) {
-                let known = &mut self.served[v as usize];
-                if self.seen_points.is_new(v) {
-                    let first = (*first, self.targets[*first as usize].squared(point));
-                    let (face, squared) = few.nearest(point, first);
-                    self.pieces.count += (near.len() / FACES) as u64;
-                    *known = (face, squared.sqrt());
-                }
-                *served = *known;
-            }
+            let known = (&mut self.served[..], &mut self.seen_points);
+            let (served, found) = serve(vertices, &corners, *first, known, &mut few);
+            self.pieces.count += found * (near.len() / FACES) as u64;
             far = self.pieces.reach(corners, served, self.reached, &mut few);
         }
         if far > f64::from(error) {
