@@ -2,7 +2,8 @@
 # The command, without the window, made for other systems and tried here: every test of the command, with their program in place of this
 # system's. The bytes of 40 builds are among them (tests/integration/bytes.txt). Ends with a table. Each target is a cold build, and emulation is slow.
 #
-# Usage: bash tests/targets.sh [TARGET..]; all three when none is named. Needs `rustup target add TARGET`, and
+# Usage: [ONLY=TEST] bash tests/targets.sh [TARGET..]; all three when none is named, all tests without ONLY (`ONLY=bytes` is the bytes of the builds).
+# Needs `rustup target add TARGET`, and
 #   x86_64-unknown-linux-musl     pip install cargo-zigbuild
 #   aarch64-unknown-linux-gnu     Debian's g++-aarch64-linux-gnu, qemu-user
 #   x86_64-pc-windows-gnu         Debian's mingw-w64, wine64
@@ -61,7 +62,7 @@ for target in "$@"; do
     run() { CHPM_PROGRAM="$place/chpm" cargo test "${features[@]}" --test integration --no-fail-fast -- "$@" | tee "$place/log"; }
     passed() { sed -n 's/^test result.* \([0-9]*\) passed.*/\1/p' "$place/log"; }
     again=0
-    run "${without[@]}" || again=1
+    run ${ONLY:-} "${without[@]}" || again=1
     line="$target: $(passed) passed"
     mapfile -t names < <(sed -n 's/^test \(.*\) \.\.\. FAILED$/\1/p' "$place/log")
     # Wine now and then kills a process whose threads are about to end.
