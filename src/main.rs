@@ -50,6 +50,7 @@ mod stats_tables;
 mod stop;
 mod threads;
 mod tight;
+mod tile_list;
 mod tolerance;
 mod upright;
 mod view;

@@ -28,6 +28,8 @@ const fn writes(by: &'static str, format: &'static str) -> Writes {
 pub(crate) const BUILD: Writes = Writes { streams: false, ..writes("build", "CHPM") };
 pub(crate) const RELAYOUT: Writes = Writes { streams: false, ..writes("relayout", "CHPM") };
 pub(crate) const BUILD_TRACE: Writes = Writes { streams: false, ..writes("build --trace", "JSON") };
+pub(crate) const TILES: Writes =
+    Writes { streams: false, ..writes("a build of several sources", "a list of tiles") };
 pub(crate) const EXPORT: Writes =
     Writes { streams: false, ..writes("export --3dtiles", "a 3D Tiles archive") };
 pub(crate) const EXPORT_MESHLETS: Writes =

@@ -4,7 +4,7 @@ use crate::number;
 use anyhow::{Context, Result};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::ops::Deref;
-use std::thread::{Builder, JoinHandle};
+use std::thread::{Builder, JoinHandle, available_parallelism};
 
 /// Threads of a verb whose result does not depend on their number.
 #[derive(clap::Args, Clone, Debug, Default)]
@@ -20,15 +20,15 @@ impl ThreadArgs {
         self.threads.unwrap_or(0) as usize
     }
 
+    /// How many, counted.
+    pub(crate) fn wanted(&self) -> usize {
+        let each = || available_parallelism().map_or(1, usize::from);
+        self.threads.map_or_else(each, |threads| threads as usize)
+    }
+
     /// The threads, to be given work with `install`.
     pub(crate) fn pool(&self) -> Result<Workers> {
-        let mut threads = Vec::new();
-        let pool = ThreadPoolBuilder::new().num_threads(self.count()).spawn_handler(|worker| {
-            threads.push(Builder::new().spawn(|| worker.run())?);
-            Ok(())
-        });
-        let pool = pool.build().context("cannot start the worker threads")?;
-        Ok(Workers { pool: Some(pool), threads })
+        Workers::start(self.count())
     }
 }
 
@@ -37,6 +37,19 @@ impl ThreadArgs {
 pub(crate) struct Workers {
     pool: Option<ThreadPool>,
     threads: Vec<JoinHandle<()>>,
+}
+
+impl Workers {
+    /// So many of them; for zero one per processor.
+    pub(crate) fn start(count: usize) -> Result<Self> {
+        let mut threads = Vec::new();
+        let pool = ThreadPoolBuilder::new().num_threads(count).spawn_handler(|worker| {
+            threads.push(Builder::new().spawn(|| worker.run())?);
+            Ok(())
+        });
+        let pool = pool.build().context("cannot start the worker threads")?;
+        Ok(Workers { pool: Some(pool), threads })
+    }
 }
 
 impl Deref for Workers {

@@ -2,7 +2,7 @@
 # The command, without the window, made for other systems and tried here: every test of the command, with their program in place of this
 # system's. The bytes of 40 builds are among them (tests/integration/bytes.txt). Ends with a table. Each target is a cold build, and emulation is slow.
 #
-# Usage: [ONLY=TEST] bash tests/targets.sh [TARGET..]; all three when none is named, all tests without ONLY (`ONLY=bytes` is the bytes of the builds).
+# Usage: [ONLY=TEST] bash tests/targets.sh [TARGET..]; all three when none is named, all tests without ONLY (`ONLY=integration::bytes` is the bytes of 40 builds).
 # Needs `rustup target add TARGET`, and
 #   x86_64-unknown-linux-musl     pip install cargo-zigbuild
 #   aarch64-unknown-linux-gnu     Debian's g++-aarch64-linux-gnu, qemu-user

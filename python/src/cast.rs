@@ -119,7 +119,7 @@ pub(crate) fn cast(
     let bound = if error > 0.0 { Bound::within(error) } else { Bound::LEAVES };
     job::run(py, None, |_, cancel| {
         model.reading(|file| {
-            let mut caster = Caster::new(file, Memory::divide(ROOM));
+            let mut caster = Caster::new(file, Memory::divide(ROOM, rayon::current_num_threads()));
             let within = match caster.distance(&bound) {
                 Err(error) if !bound.is_leaves() => {
                     return Err(Failure::Asked(format!("no coarse mesh proves anything: {error}")));

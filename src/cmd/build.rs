@@ -11,6 +11,7 @@ use crate::progress::{Meter, line};
 use crate::report::{self, LevelRow, count, per_triangle};
 use crate::shown::ShownArgs;
 use crate::stop::Stop;
+use crate::tile_list::SourceArgs;
 use anyhow::{Error, Result, bail, ensure};
 use chpm_build::{BuildConfig, BuildError, BuildReport, Trace};
 use chpm_extmem::platform::{self, Kind};
@@ -23,10 +24,8 @@ use std::path::{Path, PathBuf};
 /// Arguments of `chpm build`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Args {
-    /// The mesh, a file or a pipe; - is standard input
-    ///
-    /// {meshes}.
-    source: PathBuf,
+    #[command(flatten)]
+    sources: SourceArgs,
     /// The file to build; SOURCE.chpm if not given
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -59,7 +58,7 @@ pub(crate) struct Args {
 
 /// Builds, with the settings of a file and a preset where there are any.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
-    let source = Some(args.source.as_path()).filter(|source| *source != Path::new("-"));
+    let source = Some(args.sources.first()).filter(|source| *source != Path::new("-"));
     let layers = config::layers(&args.config, source)?;
     if layers.is_empty() {
         return run_with(args, stop);
@@ -80,15 +79,26 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 fn run_with(args: &Args, stop: &Stop) -> Result<Verdict> {
     let mut config = build_config(&args.settings, &args.resources, args.force)?;
     config.settings.shown = args.shown.settings();
-    let source = super::source(&args.source);
-    let is_pipe = platform::kind_at(source).is_ok_and(|kind| kind == Kind::Pipe);
+    let first = super::source(args.sources.first());
+    let is_pipe = platform::kind_at(first).is_ok_and(|kind| kind == Kind::Pipe);
+    let is_file = !is_pipe && first == args.sources.first();
     ensure!(
-        args.output.is_some() || !(is_pipe || source != args.source),
+        args.output.is_some() || args.sources.only().is_some(),
+        "several sources give the output no name; name it with -o"
+    );
+    ensure!(
+        args.output.is_some() || is_file,
         "'{}' gives the output no name; name it with -o",
-        args.source.display()
+        args.sources.first().display()
     );
 
-    let output = args.output.clone().unwrap_or_else(|| source.with_extension("chpm"));
+    let output = args.output.clone().unwrap_or_else(|| first.with_extension("chpm"));
+    if args.sources.only().is_none() {
+        // Before there is a list.
+        output::BUILD.check(&output)?;
+    }
+    let given = args.sources.source(&output, args.force)?;
+    let source = super::source(&given);
     let trace = args.trace.as_ref().map(|path| output::BUILD_TRACE.create(path, args.force, &[source]));
     let trace = trace.transpose()?;
     if trace.is_some() {
@@ -105,7 +115,7 @@ fn run_with(args: &Args, stop: &Stop) -> Result<Verdict> {
 
     let mut out = stdout();
     if args.json {
-        json::print(&report::build_json(&report, json::named(&args.source), json::named(&output)), &mut out)?;
+        json::print(&report::build_json(&report, json::named(&given), json::named(&output)), &mut out)?;
     } else {
         print(&report, &output, args.verbose, &mut out)?;
         print_next((!is_pipe).then_some(source), &output, &mut out)?;

@@ -14,6 +14,7 @@ use crate::number;
 use crate::output::{self, Promise};
 use crate::progress::{Meter, line};
 use crate::stop::Stop;
+use crate::threads::ThreadArgs;
 use crate::upright::Upright;
 use anyhow::{Result, bail, ensure};
 use chpm_build::Cancel;
@@ -37,7 +38,7 @@ pub(crate) struct Args {
     /// Make a 3D Tiles 1.1 tileset in the folder DIR, for CesiumJS, 3d-tiles-renderer and others; or, where the name ends in .3tz, as one file, the 3D Tiles
     /// archive 1.3. Its geometric errors are the file's bounds. It takes about two triangles for each of the source; sheets, where the file has them, go in
     /// as they are
-    #[arg(long = "3dtiles", value_name = "DIR", required_unless_present = "meshlets")]
+    #[arg(long = "3dtiles", value_name = "DIR")]
     tiles: Option<PathBuf>,
     /// Make a file of meshlets, for engines that draw with mesh shaders: meshes in all resolutions with bounds to choose and to cull by. docs/MESHLETS.md has its bytes
     #[arg(long, value_name = "FILE", conflicts_with_all = ["tiles", "meshopt", "up", "origin", "transform", "crs", "geoid", "span"])]
@@ -79,6 +80,8 @@ pub(crate) struct Args {
     #[arg(short, long)]
     quiet: bool,
     #[command(flatten)]
+    threads: ThreadArgs,
+    #[command(flatten)]
     memory: MemoryArgs,
 }
 
@@ -95,8 +98,9 @@ enum Normals {
 
 /// Memory of a cluster besides the tables: its parent, twice, its group's list of them, error and place in an order, and its id.
 const EACH: u64 = 20 + 40;
-/// Memory of a thread for one tile, at most: 65,535 vertices and twice as many triangles.
-const WORK: u64 = 12 << 20;
+/// Memory of a thread, and what it takes for each vertex and two triangles of the mesh that it makes.
+const THREAD: u64 = 1 << 20;
+const VERTEX: u64 = 192;
 /// Times that the bytes of a sheet are in memory: by themselves, and in its tile.
 const COPIES: u64 = 2;
 
@@ -119,27 +123,31 @@ fn tiles(args: &Args, target: &Path, stop: &Stop) -> Result<Verdict> {
     }
     let cancel = stop.heed();
     let file = open(&args.file)?;
-    let threads = rayon::current_num_threads() as u64;
     let normals = if computes(&file, args) { SharedNormals::memory(&file) } else { 0 };
     let sheet = file.sheets().iter().map(|sheet| sheet.len()).max().unwrap_or(0);
-    let (each, waiting) = if is_archive { (archive::EACH, waiting(&file)) } else { (folder::EACH, 0) };
-    let own = (EACH + each) * u64::from(file.header().cluster_count)
-        + (WORK + COPIES * sheet) * threads
-        + normals
-        + waiting;
-    memory::divide(&file, args.memory.memory(), own)?;
-    reading(&file, || export(&file, args, target, is_archive, &cancel))?;
+    let (table, waiting) = if is_archive { (archive::EACH, waiting(&file)) } else { (folder::EACH, 0) };
+    let own = (EACH + table) * u64::from(file.header().cluster_count) + normals;
+    let each = work(&file) + COPIES * sheet + waiting;
+    let (pool, _) = memory::workers(&args.threads, &file, args.memory.memory(), own, each)?;
+    reading(&file, || pool.install(|| export(&file, args, target, is_archive, &cancel)))?;
     Ok(Verdict::Good)
 }
 
-/// Memory of the meshes that wait to be written, at most.
+/// Memory of a thread for one tile: of the largest cluster there is.
+fn work(file: &Chpm<MappedFile>) -> u64 {
+    let vertices =
+        file.clusters().iter().map(|cluster| cluster.vertex_count.max(cluster.triangle_count.div_ceil(2)));
+    THREAD + VERTEX * u64::from(vertices.max().unwrap_or(0))
+}
+
+/// Memory of the meshes of a thread that wait to be written, at most.
 fn waiting(file: &Chpm<MappedFile>) -> u64 {
     // Vertices and triangles of the base mesh and the finest, with what stands before them.
     let heaviest = file.clusters().iter().map(|cluster| {
         4096 + 2 * (40 * u64::from(cluster.vertex_count) + 12 * u64::from(cluster.triangle_count))
     });
     let sheet = file.sheets().iter().map(|sheet| sheet.len()).max().unwrap_or(0);
-    (AHEAD * rayon::current_num_threads()) as u64 * (heaviest.max().unwrap_or(0) + sheet)
+    AHEAD as u64 * (heaviest.max().unwrap_or(0) + sheet)
 }
 
 fn export(

@@ -54,9 +54,6 @@ pub(crate) struct Args {
     memory: MemoryArgs,
 }
 
-/// Memory of a thread for a page and its boxes, at most.
-pub(crate) const WORK: u64 = 12 << 20;
-
 /// Casts, and writes what is asked for.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let inputs = [args.file.as_path(), args.rays.as_path()];
@@ -64,10 +61,9 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let mut out = output::messages(target.as_ref().map(|(_, output)| output), args.json, args.quiet)?;
     let cancel = stop.heed();
     let file = open(&args.file)?;
-    let pool = args.threads.pool()?;
-    let own = WORK * pool.current_num_threads() as u64 + Memory::own(&file);
-    let free = memory::divide(&file, args.memory.memory(), own)?;
-    let memory = Memory::divide(Bytes(free));
+    let own = Memory::own(&file);
+    let (pool, free) = memory::workers(&args.threads, &file, args.memory.memory(), own, Memory::THREAD)?;
+    let memory = Memory::divide(Bytes(free), pool.current_num_threads());
     let work = Work { args, file: &file, pool: &pool, memory, cancel: &cancel };
 
     let (told, target) = reading(&file, || work.cast(target))?;
@@ -150,7 +146,7 @@ impl Work<'_> {
         };
 
         let seek = if args.any { Seek::Any } else { Seek::Nearest };
-        let go_on = || !cancel.is_cancelled();
+        let go_on = memory::go_on(cancel);
         self.each(origin, |rays| {
             let mut answers: Vec<Answered> = Vec::with_capacity(rays.len());
             self.pool.install(|| {

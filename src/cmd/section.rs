@@ -93,9 +93,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let target = args.output.as_deref().map(|path| Target::create(path, args, &file)).transpose()?;
     let out = output::messages(target.as_ref().map(|target| &target.output), args.json, args.quiet)?;
     let cancel = stop.heed();
-    let pool = args.threads.pool()?;
-    let own = WORK * pool.current_num_threads() as u64;
-    let free = memory::divide(&file, args.memory.memory(), own)?;
+    let (pool, free) = memory::workers(&args.threads, &file, args.memory.memory(), 0, WORK)?;
     let work = Work { args, file: &file, pool: &pool, free, cancel: &cancel };
     reading(&file, || work.cut(target, out))?;
     Ok(Verdict::Good)

@@ -7,6 +7,7 @@ use crate::number;
 use crate::output;
 use crate::progress::Meter;
 use crate::stop::Stop;
+use crate::tile_list::SourceArgs;
 use crate::workflow::{Engine, Workflow};
 use anyhow::{Context, Result, ensure};
 use chpm_build::stage::{self, Condition, Division, MOST_PARTS, Share, Step, StepReport};
@@ -87,8 +88,8 @@ struct WorkflowArgs {
 
 #[derive(clap::Args, Debug)]
 struct PlanArgs {
-    /// The mesh
-    source: PathBuf,
+    #[command(flatten)]
+    sources: SourceArgs,
     /// The folder for all that steps leave, which all machines see
     #[arg(short, long, value_name = "FOLDER")]
     output: PathBuf,
@@ -242,8 +243,9 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 fn plan(args: &PlanArgs, stop: &Stop) -> Result<Verdict> {
     output::check_folder("stage plan", &args.output)?;
     let division = Division { parts: args.parts, levels: args.levels };
+    let source = args.sources.source(&args.output, false)?;
     let report = stage::plan(
-        super::source(&args.source),
+        super::source(&source),
         &args.output,
         &args.settings.settings()?,
         division,
@@ -251,7 +253,7 @@ fn plan(args: &PlanArgs, stop: &Stop) -> Result<Verdict> {
         &Meter::new(args.resources.quiet),
         &stop.heed(),
     );
-    tell(&report.map_err(|error| super::build::of(&args.source, error))?)
+    tell(&report.map_err(|error| super::build::of(&source, error))?)
 }
 
 fn check(args: &CheckArgs, stop: &Stop) -> Result<Verdict> {

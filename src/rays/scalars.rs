@@ -117,7 +117,6 @@ impl<'a> Scalars<'a> {
         let out = output::messages(streams, args.json, args.quiet)?;
         let cancel = stop.heed();
         let file = open(&args.file)?;
-        let pool = args.threads.pool()?;
         // A header may claim any number of vertices; more than its leaves have there are not.
         let vertices =
             leaves(&file).into_iter().map(|leaf| u64::from(file.clusters()[leaf.index()].vertex_count));
@@ -125,12 +124,9 @@ impl<'a> Scalars<'a> {
         let (vertices, shared) = (vertices.sum::<u64>(), u64::from(file.header().shared_vertex_count));
         // Sides are found before there are numbers.
         let sides = if asked.turn() == InsideOut::Auto { Sides::memory(vertices, shared) } else { 0 };
-        let own = sides.max(VERTEX * vertices + 4 * shared)
-            + normals
-            + crate::cmd::rays::WORK * pool.current_num_threads() as u64
-            + Memory::own(&file);
-        let free = memory::divide(&file, args.memory.memory(), own)?;
-        let memory = Memory::divide(Bytes(free));
+        let own = sides.max(VERTEX * vertices + 4 * shared) + normals + Memory::own(&file);
+        let (pool, free) = memory::workers(&args.threads, &file, args.memory.memory(), own, Memory::THREAD)?;
+        let memory = Memory::divide(Bytes(free), pool.current_num_threads());
         Ok(Scalars { args, file, painted, svg, out, pool, memory, cancel })
     }
 
@@ -157,7 +153,7 @@ impl<'a> Scalars<'a> {
         };
 
         let mut caster = Caster::new(file, self.memory);
-        let go_on = || !cancel.is_cancelled();
+        let go_on = memory::go_on(cancel);
         let turn = asked.turn();
         let sides = if turn == InsideOut::Auto {
             meter.start("inside out", leaves.len() as u64);

@@ -94,3 +94,29 @@ fn too_little_memory_is_refused_with_a_figure_that_suffices() {
         folder.stdout(&format!("{words} --memory {figure}"));
     }
 }
+
+/// A machine may have far more processors than there is memory for their work: then fewer are used, whatever is asked for.
+#[test]
+fn threads_beyond_the_memory_are_not_used() {
+    let folder = Folder::new();
+    folder.stdout("synth isosurface --triangles 60000 -o in.ply -q");
+    folder.stdout("build in.ply -q");
+    folder.write("some.csv", b"-9,0,0,1,0,0\n0,-9,0,0,1,0\n");
+    for words in [
+        "section in.chpm --every 1% --axis z -o out.svg -qf",
+        "export in.chpm --3dtiles tiles -f",
+        "export in.chpm --3dtiles out.3tz -f",
+        "export in.chpm --meshlets out.meshlets -f",
+        "rays in.chpm some.csv -o out.csv -qf",
+        "render in.chpm --rays --ground --viewport 90x60 -o out.png -qf",
+        "thickness in.chpm -o out.ply -qf",
+        "visible in.chpm --from 0,0,9 -o out.ply -qf",
+        "distance in.chpm in.chpm -q",
+        "compare in.chpm in.chpm -q",
+        "verify in.chpm --cuts 2 -q",
+        "relayout in.chpm -o out.chpm --pages packed -qf",
+    ] {
+        let peak = peak(&folder, &format!("{words} --threads 300 --memory 80M"));
+        assert!(peak <= 80 << 10, "{words}: {peak} kB");
+    }
+}

@@ -39,6 +39,16 @@ fn neither_threads_nor_memory_show() {
     }
 }
 
+/// What fits is read once, however many threads there are.
+#[test]
+fn pages_that_fit_are_read_once() {
+    let folder = ball(200_000);
+    let words = "render ball.chpm --rays --ground --poe 0 --viewport 120x90 -o still.png -qf --json";
+    let told = json(&folder.stdout(&format!("{words} --threads 24 --memory 256M")));
+    assert!(told["pages"].as_u64().expect("a number") > 20, "{told}");
+    assert_eq!(told["pages"], told["pages_different"], "{told}");
+}
+
 /// A sphere has no shadow of its own on its lit side: with shadows it is as bright there as without, at any error.
 #[test]
 fn a_lit_sphere_has_no_dark_spots() {

@@ -275,3 +275,53 @@ fn a_batch_takes_a_list_and_not_its_tiles() {
         assert!(!folder.path("out").join(tile).exists(), "{tile}");
     }
 }
+
+/// Sources on the command line are the list that they leave.
+#[test]
+fn several_sources_are_tiles_of_one_model() {
+    let (folder, mesh) = terrain();
+    let sources = ["south/a.ply", "south/b c.ply", "d.ply", "e.ply"];
+    let run = |words: &str, sources: &[&str]| {
+        folder
+            .command(words)
+            .args(sources)
+            .output()
+            .map(|output| (output.status.code(), output))
+            .expect("a run")
+    };
+    let (code, output) = run(&format!("build -o named.chpm {BUILD}"), &sources);
+    assert_eq!(code, Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let list = "tiles\nsouth/a.ply\nsouth/b c.ply\nd.ply\ne.ply\n";
+    assert_eq!(folder.read("named.tiles"), list.as_bytes());
+    folder.stdout(&format!("build named.tiles -o listed.chpm {BUILD}"));
+    assert!(folder.read("named.chpm") == folder.read("listed.chpm"), "the bytes of a list");
+    folder.stdout("verify named.chpm --against named.tiles -q");
+    assert_eq!(finest(&folder, "named.chpm").triangles.len(), mesh.triangles.len());
+
+    // Again is no other list; from elsewhere names are those of there; steps take several, too.
+    assert_eq!(run(&format!("build -o named.chpm {BUILD}"), &sources).0, Some(0));
+    assert_eq!(run(&format!("build -o south/named.chpm --weld 0.001 {BUILD}"), &sources[..2]).0, Some(0));
+    assert_eq!(folder.read("south/named.tiles"), b"tiles weld 0.001\na.ply\nb c.ply\n");
+    assert_eq!(run("stage plan -o steps -q", &sources).0, Some(0));
+    assert_eq!(folder.read("steps.tiles"), list.as_bytes());
+
+    folder.write("plain", folder.read("e.ply"));
+    for (words, sources, told) in [
+        ("build -q", &sources[..], "several sources give the output no name"),
+        ("build -o named.chpm -q", &sources[..3], "'named.tiles' is there and lists other tiles"),
+        ("build -o new.chpm -q", &["d.ply", "e.ply", "d.ply"], "'d.ply' is named twice"),
+        ("build -o new.chpm -q", &["d.ply", "none.ply"], "cannot read 'none.ply'"),
+        ("build -o new.chpm -q", &["d.ply", "south"], "'south' is no file"),
+        ("build -o new.chpm -q --weld 1", &["d.ply"], "--weld joins several sources"),
+        ("build -o new.chpm -q --weld=-1", &["d.ply", "e.ply"], "--weld"),
+        ("build -o e.ply -q -f", &["d.ply", "e.ply"], "build writes CHPM"),
+        ("build -o plain -q -f", &["d.ply", "plain"], "the output 'plain' is one of the sources"),
+    ] {
+        let (code, output) = run(words, sources);
+        let error = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(code, Some(2), "{words}: {error}");
+        assert!(error.contains(told), "{words}: {error}");
+    }
+    assert!(folder.read("plain") == folder.read("e.ply") && !folder.path("e.tiles").exists());
+    assert!(!folder.path("new.tiles").exists() && !folder.path("new.chpm").exists());
+}

@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             Bound { spread: 0.3 * largest / size, ..Bound::from_eye(corner, 0.3 * largest / size) },
         ),
     ];
-    let mut caster = Caster::new(&file, Memory { meshes: Bytes(1 << 32), rays: BATCH as usize });
+    let mut caster = Caster::new(&file, Memory::new(Bytes(1 << 32), BATCH as usize));
     let mut seed = 1_u64;
     let mut share = move || {
         seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

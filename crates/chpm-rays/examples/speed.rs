@@ -27,7 +27,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         .collect();
 
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build()?;
-    let mut caster = Caster::new(&file, Memory { meshes: Bytes(1 << 34), rays: 1 << 20 });
+    let mut caster = Caster::new(&file, Memory::new(Bytes(1 << 34), 1 << 20));
     for (seek, name) in [(Seek::Nearest, "read"), (Seek::Nearest, "nearest"), (Seek::Any, "any")] {
         let before = processor()?;
         let (mut hits, mut sum) = (0, 0.0);

@@ -72,7 +72,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     );
     for poe in [0.0, 0.5, 1.0, 2.0, 4.0, 8.0] {
         let bound = if poe > 0.0 { Bound::from_eye(eye, poe * pixel) } else { Bound::LEAVES };
-        let mut caster = Caster::new(&file, Memory::divide(memory));
+        let mut caster = Caster::new(&file, Memory::divide(memory, rayon::current_num_threads()));
         let begun = processor()?;
         let mut hits = Vec::with_capacity(rays.len());
         caster.cast(&rays, &bound, Seek::Nearest, &|| true, |hit, _| hits.push(hit))?;

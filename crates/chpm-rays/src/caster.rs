@@ -4,6 +4,7 @@ use crate::bound::Bound;
 use crate::error::RayError;
 use crate::mesh::Mesh;
 use crate::ray::{Hit, Ray, Seek};
+use crate::readers::Readers;
 use crate::tree::{MeshKey, Tree};
 use crate::walk::{Flat, Open, Resident, State, Walk};
 use chpm_format::{Chpm, ErrorKind};
@@ -33,21 +34,38 @@ pub struct Memory {
     pub meshes: Bytes,
     /// Rays at a time.
     pub rays: usize,
+    pub(crate) readers: Readers,
 }
 
 impl Memory {
     /// Bytes of a ray with its answer, where it stands and what it still has to look at.
     pub(crate) const RAY: u64 = 768;
 
-    /// Divides what there is: a quarter for rays.
-    pub fn divide(all: Bytes) -> Self {
-        let rays = (all.0 / 4 / Self::RAY).clamp(1, 1 << 20);
-        Memory { meshes: Bytes(all.0.saturating_sub(rays * Self::RAY)), rays: rays as usize }
+    /// Bytes of a thread that casts.
+    pub const THREAD: u64 = 1 << 20;
+
+    /// This much for meshes and so many rays at a time, with a reader for each thread.
+    pub const fn new(meshes: Bytes, rays: usize) -> Self {
+        Memory { meshes, rays, readers: Readers::ALL }
     }
 
-    /// Bytes that the index of a file takes, whatever is read.
+    /// Divides what so many threads have: a quarter for rays, an eighth for pages in the making.
+    pub fn divide(all: Bytes, threads: usize) -> Self {
+        Self::with_rays(all, threads, Self::RAY)
+    }
+
+    /// The same, for rays of so many bytes.
+    pub(crate) fn with_rays(all: Bytes, threads: usize, each: u64) -> Self {
+        let rays = (all.0 / 4 / each).clamp(1, 1 << 20);
+        let readers = Readers::within(all.0 / 8, threads);
+        let meshes = Bytes(all.0.saturating_sub(rays * each + readers.more()));
+        Memory { meshes, rays: rays as usize, readers }
+    }
+
+    /// Bytes that the index of a file takes and a page in the making, whatever is read.
     pub fn own<D: AsRef<[u8]>>(file: &Chpm<D>) -> u64 {
-        Tree::bytes(file) + (2 * size_of::<Option<Resident>>() + 2) as u64 * file.clusters().len() as u64
+        let meshes = (2 * size_of::<Option<Resident>>() + 2) as u64 * file.clusters().len() as u64;
+        Tree::bytes(file) + meshes + Readers::EACH
     }
 }
 
@@ -233,7 +251,7 @@ impl<'a, D: AsRef<[u8]> + Sync> Caster<'a, D> {
             let n = if key % 2 == 1 { view.vertex_count() } else { view.base_vertex_count };
             Ok(Arc::new(Mesh::new(&Patch::at(&view, n))))
         };
-        let made: Vec<Arc<Mesh>> = chosen.par_iter().map(read).collect::<Result<_, RayError>>()?;
+        let made = self.memory.readers.read(&chosen, read)?;
         for (key, mesh) in chosen.into_iter().zip(made) {
             let cluster = key / 2;
             self.used += self.bytes(key);

@@ -21,6 +21,7 @@ pub mod error;
 mod fat;
 mod mesh;
 mod ray;
+mod readers;
 mod sides;
 pub mod still;
 mod tree;

@@ -17,7 +17,6 @@ use crate::ray::{Hit, Ray, Seek};
 use chpm_format::Page;
 use chpm_mesh::ClusterId;
 use forest::Forest;
-use rayon::prelude::*;
 use shape::{AHEAD, Shape};
 
 /// Whether the components of a file's leaves are turned inside out.
@@ -78,7 +77,7 @@ impl Sides {
                 }
                 Ok(part(&file.page(*leaf)?.view()))
             };
-            let parts: Vec<Part> = some.par_iter().map(read).collect::<Result<_, RayError>>()?;
+            let parts = caster.memory.readers.read(some, read)?;
             for (leaf, part) in some.iter().zip(parts) {
                 starts[leaf.index()] = shapes.len() as u32;
                 is_whole |= shapes.len() + part.shapes.len() > MOST;

@@ -20,7 +20,14 @@ pub fn divide(file: &Chpm<MappedFile>, memory: Bytes, own: u64) -> Result<u64, V
     Ok(half)
 }
 
-/// The same for several files, each of which has an equal share of `memory`. What is told to be enough is for all of them.
+/// How many threads find room in half of what `memory` leaves beside what reading `file` and the verb's `own` bytes take, at `each` bytes for a
+/// thread. One at least: whether there is room for that, [`divide`] says.
+pub fn threads(file: &Chpm<MappedFile>, memory: Bytes, own: u64, each: u64) -> usize {
+    let left = memory.0.saturating_sub(fixed(file, own));
+    (left / 2 / each.max(1)).max(1) as usize
+}
+
+/// The same as [`divide`] for several files, each of which has an equal share of `memory`. What is told to be enough is for all of them.
 ///
 /// # Errors
 /// [`VerifyError::Memory`] if the tables of one alone take more.
@@ -29,11 +36,7 @@ pub fn divide_among<const N: usize>(
     memory: Bytes,
 ) -> Result<[u64; N], VerifyError> {
     process::return_large_blocks();
-    let fixed = files.map(|(file, own)| {
-        let tables =
-            file.sections().filter(|(kind, _)| !matches!(kind, SectionKind::Pages | SectionKind::Texels));
-        PROGRAM + tables.map(|(_, range)| range.len() as u64).sum::<u64>() + own
-    });
+    let fixed = files.map(|(file, own)| fixed(file, own));
     if let Some(place) = (0..N).max_by_key(|place| fixed[*place]) {
         let least = least(N, fixed[place]);
         if memory.0 < least {
@@ -50,6 +53,13 @@ pub fn divide_among<const N: usize>(
         file.get_ref().keep_resident(*half);
     }
     Ok(halves)
+}
+
+/// Bytes that are taken whatever is read: the program, the tables, and the verb's own.
+fn fixed(file: &Chpm<MappedFile>, own: u64) -> u64 {
+    let tables =
+        file.sections().filter(|(kind, _)| !matches!(kind, SectionKind::Pages | SectionKind::Texels));
+    PROGRAM + tables.map(|(_, range)| range.len() as u64).sum::<u64>() + own
 }
 
 /// The memory with which so many files can be read of which the one that takes most takes `fixed` bytes.

@@ -1,6 +1,6 @@
 //! `chpm export --meshlets`: the hierarchy for mesh shaders, as one file.
 
-use super::{Args, WORK, Work, computes, waiting};
+use super::{Args, Work, computes, waiting, work};
 use crate::cmd::{Verdict, open, reading, stdout};
 use crate::json::{self, made, named};
 use crate::memory;
@@ -29,17 +29,15 @@ pub(super) fn run(args: &Args, target: &Path, stop: &Stop) -> Result<Verdict> {
     let file = open(&args.file)?;
     let has_normals = computes(&file, args);
     let normals = if has_normals { SharedNormals::memory(&file) } else { 0 };
-    let own = EACH * u64::from(file.header().cluster_count)
-        + CUTTING * WORK * rayon::current_num_threads() as u64
-        + normals
-        + waiting(&file);
-    memory::divide(&file, args.memory.memory(), own)?;
+    let own = EACH * u64::from(file.header().cluster_count) + normals;
+    let each = CUTTING * work(&file) + waiting(&file);
+    let (pool, _) = memory::workers(&args.threads, &file, args.memory.memory(), own, each)?;
 
     let meter = Meter::new(args.quiet);
     let work = Work { file: &file, normals: has_normals, meter: &meter, cancel: &cancel };
     let warnings = warnings(&file);
     warnings.iter().for_each(|warning| line(&format!("warning: {warning}")));
-    let totals = reading(&file, || write(&work, target, args))?;
+    let totals = reading(&file, || pool.install(|| write(&work, target, args)))?;
     meter.finish();
     tell(args, target, &totals, warnings)?;
     Ok(Verdict::Good)

@@ -1,7 +1,6 @@
 //! Pictures by rays.
 
 use super::{Args, Gallery, Ready, Verdict, Views, empty_view, judge, legend, outputs, print_views, views};
-use crate::cmd::rays::WORK;
 use crate::cmd::{open, reading};
 use crate::json::{self, seen};
 use crate::memory;
@@ -13,7 +12,7 @@ use crate::stop::{self, Stop};
 use anyhow::{Context, Result};
 use chpm_mesh::{Bytes, Counted};
 use chpm_rays::still::{self, Cast, Paint, Still, StillMemory};
-use chpm_rays::{Caster, Reads};
+use chpm_rays::{Caster, Memory, Reads};
 use chpm_refine::{Outline, Portrait, told_by};
 use chpm_viewer::{Image, Look};
 use std::io::Write;
@@ -29,10 +28,9 @@ pub(super) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let model = Ready::new(&args.file, args, stop)?;
     let begun = Instant::now();
     let file = open(&model.file)?;
-    let pool = args.rays.threads.pool()?;
-    let own = WORK * pool.current_num_threads() as u64 + StillMemory::own(&file, args.viewport.0);
-    let free = memory::divide(&file, args.memory, own)?;
-    let memory = StillMemory::divide(Bytes(free));
+    let own = StillMemory::own(&file, args.viewport.0);
+    let (pool, free) = memory::workers(&args.rays.threads, &file, args.memory, own, Memory::THREAD)?;
+    let memory = StillMemory::divide(Bytes(free), pool.current_num_threads());
 
     // What is drawn, and from where.
     let paint = rays::paint(args.look.look().colors, args.color_by.as_deref(), file.scalars())?;
@@ -79,7 +77,7 @@ pub(super) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             clip: args.still.clip.map(|clip| (clip.normal(), clip.offset_from(zero))),
             stretch,
         };
-        let go_on = || !cancel.is_cancelled();
+        let go_on = memory::go_on(&cancel);
         let take = || still::draw(&mut caster, &still, memory, &go_on, |pixels| meter.add(pixels));
         let picture = reading(&file, || Ok(pool.install(take)?))
             .with_context(|| format!("cannot draw '{}' so", args.file.display()))?;

@@ -5,14 +5,15 @@
 //! are read, and what they say depends on nothing but the file. It takes four bytes for each id.
 
 use crate::error::RayError;
+use crate::readers::Readers;
 use chpm_format::Chpm;
 use chpm_mesh::facing::{Facing, area};
 use chpm_mesh::{ClusterId, GroupId};
-use rayon::prelude::*;
 
 /// Facts about shared vertices.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Borders {
+    readers: Readers,
     /// By id: which way it faces, so changed that 0 is what no code can be.
     codes: Vec<u32>,
     /// By group: whether what its split brings has been looked at, and what collapses in it.
@@ -30,9 +31,10 @@ impl Borders {
         4 * u64::from(file.header().shared_vertex_count) + 2 * file.groups().len() as u64
     }
 
-    pub(super) fn new<D: AsRef<[u8]>>(file: &Chpm<D>) -> Self {
+    pub(super) fn new<D: AsRef<[u8]>>(file: &Chpm<D>, readers: Readers) -> Self {
         let groups = file.groups().len();
         Borders {
+            readers,
             codes: vec![0; file.header().shared_vertex_count as usize],
             below: vec![false; groups],
             within: vec![false; groups],
@@ -114,7 +116,7 @@ impl Borders {
                 let (clusters, collapses) = members(*group);
                 self.look(file, clusters, collapses, go_on)
             };
-            let told: Vec<Vec<(u32, u32)>> = some.par_iter().map(look).collect::<Result<_, RayError>>()?;
+            let told = self.readers.read(some, look)?;
             told.into_iter().for_each(|told| self.take(told));
         }
         Ok(())

@@ -18,6 +18,7 @@ mod skin;
 use crate::caster::{Caster, Memory};
 use crate::error::RayError;
 use crate::ray::{Hit, Ray, Seek};
+use crate::readers::Readers;
 use borders::Borders;
 use chpm_format::Chpm;
 use chpm_mesh::{Aabb, Bytes, ClusterId, Scalar};
@@ -112,13 +113,11 @@ impl StillMemory {
     /// Bytes of a ray with all that is known of what it has met, beside what any ray has.
     const SPOT: u64 = 480;
 
-    /// Divides what there is.
-    pub fn divide(all: Bytes) -> Self {
-        let skins = all.0 / 8;
-        let left = all.0 - skins;
-        let rays = (left / 4 / (Memory::RAY + Self::SPOT)).clamp(1, 1 << 20);
-        let meshes = left.saturating_sub(rays * (Memory::RAY + Self::SPOT));
-        StillMemory { rays: Memory { meshes: Bytes(meshes), rays: rays as usize }, skins: Bytes(skins) }
+    /// Divides what so many threads have.
+    pub fn divide(all: Bytes, threads: usize) -> Self {
+        let skins = Bytes(all.0 / 8);
+        let rays = Memory::with_rays(Bytes(all.0 - skins.0), threads, Memory::RAY + Self::SPOT);
+        StillMemory { rays, skins }
     }
 
     /// Bytes that a picture of a file takes, whatever is read.
@@ -145,7 +144,7 @@ pub fn draw<D: AsRef<[u8]> + Sync>(
     mut step: impl FnMut(u64),
 ) -> Result<Picture, RayError> {
     let eye = Eye::new(&still.camera, still.viewport, still.poe, still.stretch, still.clip)?;
-    let mut studio = Studio::new(caster.file, still, eye, memory.skins);
+    let mut studio = Studio::new(caster.file, still, eye, memory);
     let finest = caster.finest(&eye.bound());
     let pixels = still.viewport.map(u64::from).iter().product::<u64>();
     let some = (memory.rays.rays as u64 / u64::from(still.samples.max(1))).max(1);
@@ -182,10 +181,11 @@ struct Studio<'s, 'a, D> {
     skins: Vec<Option<Skin>>,
     used: u64,
     room: u64,
+    readers: Readers,
 }
 
 impl<'s, 'a, D: AsRef<[u8]> + Sync> Studio<'s, 'a, D> {
-    fn new(file: &'a Chpm<D>, still: &'s Still, eye: Eye, room: Bytes) -> Self {
+    fn new(file: &'a Chpm<D>, still: &'s Still, eye: Eye, memory: StillMemory) -> Self {
         let own = file.header().aabb();
         let [low, high] = [own.min, own.max].map(|corner| eye.point(corner.map(f64::from)));
         let bounds = Aabb { min: low.map(|x| x as f32).into(), max: high.map(|x| x as f32).into() };
@@ -206,10 +206,11 @@ impl<'s, 'a, D: AsRef<[u8]> + Sync> Studio<'s, 'a, D> {
             ground: (still.ground && is_above && !own.is_empty()).then_some(lowest),
             bounds,
             size: (high - low).norm().max(low.amax()).max(high.amax()),
-            borders: still.smooth.then(|| Borders::new(file)),
+            borders: still.smooth.then(|| Borders::new(file, memory.rays.readers)),
             skins: std::iter::repeat_with(|| None).take(file.clusters().len()).collect(),
             used: 0,
-            room: room.0,
+            room: memory.skins.0,
+            readers: memory.rays.readers,
         }
     }
 
@@ -364,7 +365,7 @@ impl<'s, 'a, D: AsRef<[u8]> + Sync> Studio<'s, 'a, D> {
             }
             Ok(Skin::new(&file.page(*cluster)?.view(), is_finest(*cluster), paint, borders))
         };
-        let made: Vec<Skin> = missing.par_iter().map(read).collect::<Result<_, RayError>>()?;
+        let made = self.readers.read(&missing, read)?;
         for (cluster, skin) in missing.into_iter().zip(made) {
             self.skins[cluster.index()] = Some(skin);
         }

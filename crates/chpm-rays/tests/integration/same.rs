@@ -17,7 +17,7 @@ fn neither_threads_nor_memory_show() {
             assert_eq!(reads.pages, reads.different);
             for (threads, meshes, count) in [(1, 0, 1 << 20), (3, 100_000, 1 << 20), (2, 1 << 30, 100)] {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-                let memory = Memory { meshes: Bytes(meshes), rays: count };
+                let memory = Memory::new(Bytes(meshes), count);
                 let (got, again) = pool.install(|| cast_in(&file, &rays, &bound, seek, memory));
                 assert!(got == expected, "{bound:?} {seek:?} {threads} {meshes} {count}");
                 assert_eq!(again.different, reads.different);

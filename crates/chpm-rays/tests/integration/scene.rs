@@ -23,7 +23,7 @@ pub(crate) fn built(mesh: &TriMesh) -> File {
     Chpm::open(fs::read(output).unwrap()).unwrap()
 }
 
-pub(crate) const ROOM: Memory = Memory { meshes: Bytes(1 << 30), rays: 1 << 20 };
+pub(crate) const ROOM: Memory = Memory::new(Bytes(1 << 30), 1 << 20);
 
 pub(crate) fn cast(file: &File, rays: &[Ray], bound: &Bound, seek: Seek) -> Vec<(Option<Hit>, f64)> {
     cast_in(file, rays, bound, seek, ROOM).0
