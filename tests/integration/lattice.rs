@@ -101,7 +101,7 @@ fn a_step_by_the_models_detail_shows_neither_threads_nor_memory_nor_pipes() {
         let how = &format!("--positions lattice:auto {sized}");
         let told = folder.stdout(&format!("build {source} -o out.chpm {how} --threads 1"));
         let bytes = folder.read("out.chpm");
-        for more in ["--threads 2", "--threads 2 --memory 24M", "--threads 1 --memory 24M"] {
+        for more in ["--threads 2", "--threads 2 --memory 128M", "--threads 1 --memory 4G"] {
             folder.stdout(&format!("build {source} -o same.chpm -q {how} {more}"));
             assert!(folder.read("same.chpm") == bytes, "{more}");
         }
@@ -157,7 +157,7 @@ fn a_flat_model_stays_exact_and_a_shared_mesh_has_a_lattice() {
         assert!(is_on_lattice(&shared));
         assert_eq!(exact.metadata().expect("metadata").lattice_step().expect("a step"), None);
         assert!(4 * shared.bytes().len() < 3 * exact.bytes().len());
-        let said = folder.stderr("share exact/model.chpm -o again -q --positions lattice:auto", 1);
+        let said = folder.stderr("share exact/model.chpm -o again -q --positions lattice:auto", 2);
         assert!(said.contains("keeps its positions"), "{said}");
     }
 }

@@ -4,7 +4,7 @@ use crate::site::{Site, config};
 use chpm_build::config::{Layout, Positions};
 use chpm_build::{BuildConfig, BuildReport};
 use chpm_format::Page;
-use chpm_mesh::{ClusterId, TriMesh};
+use chpm_mesh::{Bytes, ClusterId, TriMesh};
 use chpm_synth::{Shape, Synth, hand};
 use std::collections::BTreeMap;
 
@@ -129,6 +129,19 @@ fn detail_decides_the_step_wherever_and_however_large_the_model_is() {
         (Positions::Auto, Some(chpm_build::config::Length::OfDiagonal(2.0)));
     let coarse = Site::of(&torus).build(&coarse).1.metadata().unwrap().lattice_step().unwrap();
     assert!(coarse > Some(2.0 * step), "{coarse:?} {step}");
+}
+
+#[test]
+fn arrays_on_disk_have_the_same_detail() {
+    let mesh = Synth::new(Shape::Isosurface, 60_000, 3).to_mesh();
+    for site in [Site::of(&mesh), Site::of_doubles(&mesh, [4.5e6, -3.25e5, 117.125])] {
+        let mut config = config(256);
+        config.settings.positions = Positions::Auto;
+        let (_, file) = site.build(&config);
+        (config.resources.memory, config.resources.threads) = (Bytes(0), 1);
+        let (_, on_disk) = site.build(&config);
+        assert!(file.bytes() == on_disk.bytes());
+    }
 }
 
 #[test]
