@@ -89,12 +89,12 @@ pub(crate) struct SettingsArgs {
     /// How pages are stored
     #[arg(long, value_name = "HOW", value_enum, default_value_t = Pages::Raw)]
     pages: Pages,
-    /// exact, or lattice:BITS: position quantization
+    /// exact, lattice:auto or lattice:BITS: position quantization
     ///
     /// How many digits coordinates keep: exact (all that singles hold) or lattice:BITS (also written quantized:BITS), BITS from 8 to
-    /// 24: whole steps of one lattice, of which the longest side of the model has 2^BITS at most. On scans a packed file of
-    /// lattice:16 has 0.69 to 0.75 times the bytes of an exact one, of lattice:14 0.61 to 0.66; each coordinate moves by less than
-    /// a 2^BITS-th of that side, which is part of all errors.
+    /// 24: whole steps of one lattice, of which the longest side of the model has 2^BITS at most; each coordinate moves by half a
+    /// step at most, which is part of all errors. lattice:auto finds BITS: a step is at most half of what a sample of the model errs
+    /// by when it is halved, as level 0 is; flat models stay exact.
     #[arg(long, value_name = "HOW", default_value_t = Settings::default().positions)]
     positions: Positions,
 }

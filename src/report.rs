@@ -149,6 +149,7 @@ pub(crate) fn build_json(report: &BuildReport, source: String, output: String) -
         repairs: object(report.repairs.describe()),
         warnings: report.warnings.clone(),
         resumed_after: report.resumed.map(|reached| reached.to_string()),
+        lattice_step: report.lattice_step,
         notes: report.notes.clone(),
         budget_peak_bytes: report.budget_peak,
         peak_resident_bytes: report.peak_resident,

@@ -12,6 +12,7 @@ use crate::shown::ShownArgs;
 use crate::stop::Stop;
 use crate::web::{Given, whole_page};
 use anyhow::{Context, Result, ensure};
+use chpm_build::config::Positions;
 use chpm_build::{BuildConfig, MIN_MEMORY, Resources, Settings};
 use chpm_extmem::read_text;
 use chpm_mesh::{Bytes, Counted};
@@ -31,6 +32,9 @@ pub(crate) struct Args {
     /// How the model's pages are stored
     #[arg(long, value_name = "HOW", value_enum, default_value_t = Pages::Packed)]
     pages: Pages,
+    /// Of a mesh: exact, lattice:auto or lattice:BITS, as in build [default: lattice:auto]
+    #[arg(long, value_name = "HOW")]
+    positions: Option<Positions>,
     /// The model in pieces, for hosts that send whole files only
     ///
     /// Such as python -m http.server. A page asks for those that it needs.
@@ -79,6 +83,11 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     output::check_folder("share", &args.output)?;
     if !inputs::is_mesh(&args.file) {
         open(&args.file)?;
+        ensure!(
+            args.positions.is_none(),
+            "'{}' is built, and keeps its positions: build its source with --positions, or share that",
+            args.file.display()
+        );
     }
     let notes = args.notes.as_deref().map(read_notes).transpose()?;
     // What tells that a folder is one of these comes first.
@@ -137,9 +146,11 @@ fn write_model(args: &Args, model: &Path, stop: &Stop) -> Result<u64> {
         return relayout::store_pages(&args.file, model, how, args.quiet, args.memory.clone(), stop);
     }
     let packed = args.pages == Pages::Packed;
+    // A page is seen, and less than a pixel's worth of digits need not be sent.
+    let positions = args.positions.unwrap_or(Positions::Auto);
     let memory = args.memory.memory().max(Bytes(MIN_MEMORY));
     let config = BuildConfig {
-        settings: Settings { packed, shown, ..Settings::default() },
+        settings: Settings { packed, shown, positions, ..Settings::default() },
         resources: Resources { memory, checkpoint: None, ..Resources::default() },
         ..BuildConfig::default()
     };

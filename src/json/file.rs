@@ -34,6 +34,8 @@ pub(crate) struct Build {
     pub(crate) warnings: Vec<String>,
     /// Work of an earlier run, in words
     pub(crate) resumed_after: Option<String>,
+    /// Step that all coordinates are multiples of; `null` where positions are exact
+    pub(crate) lattice_step: Option<f64>,
     /// Remarks on the build, in words
     pub(crate) notes: Vec<String>,
     /// The most of the memory budget that was in use

@@ -18,20 +18,20 @@ const LATTICE = 8;
 class Bits {
   constructor(bytes) {
     this.length = bytes.byteLength;
-    const padded = new Uint8Array(bytes.byteLength + 8);
-    padded.set(bytes);
-    this.view = viewOf(padded);
+    this.words = new Int32Array(((this.length + 3) >>> 2) + 2);
+    new Uint8Array(this.words.buffer).set(bytes);
+    this.last = this.words.length - 2;
     this.at = 0;
   }
 
   /** The next `length` bits, at most 31. */
   take(length) {
-    const first = Math.min(this.at >>> 3, this.length);
-    const shift = this.at & 7;
-    this.at += length;
-    const low = this.view.getUint32(first, true) >>> shift;
-    const high = shift > 0 ? this.view.getUint8(first + 4) << (32 - shift) : 0;
-    return (low | high) & (2 ** length - 1);
+    const { words, at } = this;
+    const word = Math.min(at >>> 5, this.last);
+    this.at = at + length;
+    // In two steps, since no shift is by 32.
+    const bits = (words[word] >>> (at & 31)) | ((words[word + 1] << 1) << (31 - (at & 31)));
+    return bits & ((1 << length) - 1);
   }
 
   /** The difference of a symbol, modulo 2^32. */
@@ -46,13 +46,13 @@ class Bits {
   distance(symbol, near) {
     if (symbol < near) return symbol;
     const length = symbol - near;
-    return length < 31 ? near + this.take(length) + 2 ** length - 1 : Infinity;
+    return length < 31 ? near + this.take(length) + (1 << length) - 1 : Infinity;
   }
 
   /** Whether all bits were read, and what is left of the last byte is zero. */
   isDone() {
-    const end = this.at & 7;
-    return Math.ceil(this.at / 8) === this.length && (end === 0 || this.view.getUint8(this.length - 1) >>> end === 0);
+    const rest = 8 * this.length - this.at;
+    return rest >= 0 && rest < 8 && this.take(rest) === 0;
   }
 }
 
@@ -98,10 +98,24 @@ function viewOfFloats(kind, places, expectIt) {
 // As literals: a power that is computed need not be the nearest double.
 const TENS = [1, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22];
 
+/** How many triangles an edge leads to. */
+function withEdge(edges) {
+  let count = 0;
+  for (let t = 0; t < edges.length; t++) if (edges[t] !== 0) count++;
+  return count;
+}
+
+/** How many corners are told. */
+function cornersOf(edges) {
+  let count = 0;
+  for (let t = 0; t < edges.length; t++) if ((edges[t] & 3) === 0) count += edges[t] === 0 ? 3 : 1;
+  return count;
+}
+
 /** Triangles as they are told one after the other, what vertices are guessed from, and what lies around each. */
 class Walk {
   constructor(order, edges, vertexCount, expectIt) {
-    const apart = edges.reduce((count, symbol) => count + (symbol === 0), 0);
+    const apart = edges.length - withEdge(edges);
     Object.assign(this, { order, expectIt, vertices: 0, edgeCount: 0, metCount: 0 });
     this.edges = new Uint16Array(3 * (edges.length + 2 * apart + 4));
     this.met = new Uint16Array(vertexCount + edges.length + 2 * apart + 4);
@@ -114,33 +128,59 @@ class Walk {
   }
 
   read(edges, turns, corners, bits, out) {
-    const { after, before, edges: list, expectIt } = this;
+    const { after, before, around, counts, edges: list, expectIt } = this;
     let [turn, corner] = [0, 0];
     for (let t = 0; t < edges.length; t++) {
-      if (edges[t] === 0) {
-        out.set(this.#start(corners.subarray(corner, corner + 3), bits), 3 * t);
+      const symbol = edges[t] - 1;
+      if (symbol < 0) {
+        this.#start(corners, corner, bits, out, 3 * t);
         corner += 3;
         continue;
       }
-      const third = (edges[t] - 1) & 3;
-      const place = this.edgeCount - 1 - bits.distance((edges[t] - 1) >> 2, EDGES);
+      const third = symbol & 3;
+      const near = symbol >> 2;
+      const place = this.edgeCount - 1 - (near < EDGES ? near : bits.distance(near, EDGES));
       expectIt(place >= 0, "an edge that was not met");
-      const [a, b, across] = [list[3 * place], list[3 * place + 1], list[3 * place + 2]];
-      this.#remove(place);
+      const a = list[3 * place];
+      const b = list[3 * place + 1];
+      const across = list[3 * place + 2];
+      // The last edge takes its place.
+      let end = 3 * --this.edgeCount;
+      list[3 * place] = list[end];
+      list[3 * place + 1] = list[end + 1];
+      list[3 * place + 2] = list[end + 2];
       let vertex;
       if (third === NEW) vertex = this.#meet(a, b, across);
       else if (third === MET) vertex = this.#again(corners[corner++], bits);
       else vertex = third === AFTER ? after[b] : before[a];
       expectIt(vertex !== NONE, "a border that is not there");
-      if (third !== AFTER) this.#add(vertex, b, a);
-      if (third !== BEFORE) this.#add(a, vertex, b);
-      this.#surround(a, b, vertex);
+      if (third !== AFTER) {
+        list[end] = vertex;
+        list[end + 1] = b;
+        list[end + 2] = a;
+        end += 3;
+        after[vertex] = b;
+        before[b] = vertex;
+        this.edgeCount++;
+      }
+      if (third !== BEFORE) {
+        list[end] = a;
+        list[end + 1] = vertex;
+        list[end + 2] = b;
+        after[a] = vertex;
+        before[vertex] = a;
+        this.edgeCount++;
+      }
+      around[NEIGHBORS * a + (counts[a]++ & (NEIGHBORS - 1))] = b;
+      around[NEIGHBORS * b + (counts[b]++ & (NEIGHBORS - 1))] = vertex;
+      around[NEIGHBORS * vertex + (counts[vertex]++ & (NEIGHBORS - 1))] = a;
       // Where nothing is told, the least corner comes first.
-      const least = vertex < Math.min(a, b) ? 1 : b < a ? 2 : 0;
+      const least = vertex < a && vertex < b ? 1 : b < a ? 2 : 0;
       const first = turns ? turns[turn++] % 3 : least;
-      out[3 * t + (first % 3)] = a;
-      out[3 * t + ((first + 1) % 3)] = b;
-      out[3 * t + ((first + 2) % 3)] = vertex;
+      const to = 3 * t;
+      out[to] = first === 0 ? a : first === 1 ? vertex : b;
+      out[to + 1] = first === 0 ? b : first === 1 ? a : vertex;
+      out[to + 2] = first === 0 ? vertex : first === 1 ? b : a;
     }
     while (this.vertices < this.order.length) {
       const last = this.order[Math.max(this.vertices - 1, 0)];
@@ -149,18 +189,18 @@ class Walk {
   }
 
   /** A triangle that no edge leads to. */
-  #start(symbols, bits) {
+  #start(corners, corner, bits, out, to) {
     let last = this.order[Math.max(this.vertices - 1, 0)];
-    const corners = Array.from(symbols, (symbol) => {
+    for (let i = 0; i < 3; i++) {
+      const symbol = corners[corner + i];
       last = symbol === 0 ? this.#meet(last, last, last) : this.#again(symbol - 1, bits);
-      return last;
-    });
-    const [a, b, c] = corners;
+      out[to + i] = last;
+    }
+    const [a, b, c] = [out[to], out[to + 1], out[to + 2]];
     this.#surround(a, b, c);
     this.#add(b, a, c);
     this.#add(c, b, a);
     this.#add(a, c, b);
-    return corners;
   }
 
   /** The next vertex, guessed from three. */
@@ -193,12 +233,6 @@ class Walk {
     this.before[to] = from;
   }
 
-  /** The last edge takes its place. */
-  #remove(place) {
-    const last = 3 * --this.edgeCount;
-    for (let i = 0; i < 3; i++) this.edges[3 * place + i] = this.edges[last + i];
-  }
-
   #surround(a, b, c) {
     const { around, counts } = this;
     around[NEIGHBORS * a + (counts[a]++ % NEIGHBORS)] = b;
@@ -207,20 +241,18 @@ class Walk {
   }
 }
 
-const across = (p, q, r) => p + q - r;
-const middle = (p, q) => Math.floor((p + q) / 2);
-
-/** `width` numbers of each vertex, as differences from a guess. */
-function numbers(walk, symbols, width, guess, bits) {
+/** `width` numbers of each vertex, as differences from a guess: the fourth corner of a parallelogram, or the middle of two. */
+function numbers(walk, symbols, width, isAcross, bits) {
   const all = new Int32Array(symbols.length);
   const { guesses } = walk;
-  for (let rank = 0, s = 0; s < symbols.length; rank++) {
-    const vertex = width * guesses[4 * rank];
-    const a = width * guesses[4 * rank + 1];
-    const b = width * guesses[4 * rank + 2];
-    const c = width * guesses[4 * rank + 3];
+  for (let rank = 0, s = 0; s < symbols.length; rank += 4) {
+    const vertex = width * guesses[rank];
+    const a = width * guesses[rank + 1];
+    const b = width * guesses[rank + 2];
+    const c = width * guesses[rank + 3];
     for (let i = 0; i < width; i++, s++) {
-      all[vertex + i] = guess(all[a + i], all[b + i], all[c + i]) + bits.difference(symbols[s]);
+      const sum = all[a + i] + all[b + i];
+      all[vertex + i] = (isAcross ? sum - all[c + i] : Math.floor(sum / 2)) + bits.difference(symbols[s]);
     }
   }
   return all;
@@ -232,7 +264,8 @@ function readOrder(symbols, base, bits, expectIt) {
   const seen = new Uint8Array(symbols.length);
   const length = 32 - Math.clz32(Math.max(symbols.length - base - 1, 0));
   let next = 0;
-  symbols.forEach((symbol, rank) => {
+  for (let rank = 0; rank < symbols.length; rank++) {
+    const symbol = symbols[rank];
     let vertex;
     if (symbol === ELSEWHERE) {
       vertex = base + bits.take(length);
@@ -243,7 +276,7 @@ function readOrder(symbols, base, bits, expectIt) {
     expectIt(vertex < seen.length && !seen[vertex], "a vertex that comes twice or not at all");
     seen[vertex] = 1;
     order[rank] = vertex;
-  });
+  }
   return order;
 }
 
@@ -302,49 +335,52 @@ export function unpack(header, cluster, packed, zstd) {
 
   const order = readOrder(take(v), b, bits, expectIt);
   const edges = take(t);
-  const turns = turned === 1 ? take(edges.reduce((count, symbol) => count + (symbol !== 0), 0)) : null;
-  const corners = take(edges.reduce((count, symbol) => count + (symbol === 0 ? 3 : symbol % 4 === 0 ? 1 : 0), 0));
+  const turns = turned === 1 ? take(withEdge(edges)) : null;
+  const corners = take(cornersOf(edges));
   const walk = new Walk(order, edges, v, expectIt);
   walk.read(edges, turns, corners, walkBits, triangles);
   expectIt(walkBits.isDone(), "more or fewer open bits than symbols need");
 
   const float = viewOfFloats(kind, places, expectIt);
-  numbers(walk, take(3 * v), 3, across, bits).forEach((number, i) => (positions[i] = float(number)));
+  const whole = numbers(walk, take(3 * v), 3, true, bits);
+  for (let i = 0; i < whole.length; i++) positions[i] = float(whole[i]);
   if (header.hasFloatNormals) {
     const binary = viewOfFloats(0, 0, expectIt);
-    numbers(walk, take(3 * v), 3, middle, bits).forEach((number, i) => (normals[i] = binary(number)));
+    numbers(walk, take(3 * v), 3, false, bits).forEach((number, i) => (normals[i] = binary(number)));
   }
   if (header.hasOctahedralNormals) {
     const out = place(Uint8Array, 3 * v);
-    const steps = numbers(walk, take(2 * v), 2, middle, bits);
+    const steps = numbers(walk, take(2 * v), 2, false, bits);
     for (let i = 0; i < v; i++) {
       const both = (steps[2 * i] & 0xfff) | ((steps[2 * i + 1] & 0xfff) << 12);
       out.set([both & 255, (both >> 8) & 255, (both >> 16) & 255], 3 * i);
     }
   }
-  if (header.hasColors) colors.set(numbers(walk, take(4 * v), 4, middle, bits));
+  if (header.hasColors) colors.set(numbers(walk, take(4 * v), 4, false, bits));
   for (let word = 0; word < header.scalarWords; word++) {
     const [kind, places] = take(2);
     const bitsOf = viewOfBits(kind, places, expectIt);
-    numbers(walk, take(v), 1, middle, bits).forEach((number, i) => (words[header.scalarWords * i + word] = bitsOf(number)));
+    numbers(walk, take(v), 1, false, bits).forEach((number, i) => (words[header.scalarWords * i + word] = bitsOf(number)));
   }
 
   const ranks = new Uint16Array(v);
-  order.forEach((vertex, rank) => (ranks[vertex] = rank));
-  take(v - b).forEach((symbol, i) => {
-    if (symbol < NEIGHBORS) {
-      targets[i] = walk.around[NEIGHBORS * (b + i) + symbol];
+  for (let rank = 0; rank < v; rank++) ranks[order[rank]] = rank;
+  const ways = take(v - b);
+  for (let i = 0; i < ways.length; i++) {
+    if (ways[i] < NEIGHBORS) {
+      targets[i] = walk.around[NEIGHBORS * (b + i) + ways[i]];
     } else {
-      const rank = (ranks[b + i] + bits.difference(symbol - NEIGHBORS)) >>> 0;
+      const rank = (ranks[b + i] + bits.difference(ways[i] - NEIGHBORS)) >>> 0;
       expectIt(rank < v, "a target that is not there");
       targets[i] = order[rank];
     }
-  });
+  }
   let last = 0;
-  take(v - b).forEach((symbol, i) => {
-    last = (last + bits.difference(symbol)) | 0;
+  const steps = take(v - b);
+  for (let i = 0; i < steps.length; i++) {
+    last = (last + bits.difference(steps[i])) | 0;
     codes[codes.length - 1 - i] = last;
-  });
+  }
   last = 0;
   take(s).forEach((symbol, i) => {
     last = (last + bits.difference(symbol)) | 0;

@@ -216,6 +216,9 @@ pub enum Positions {
     /// All go to the nearest point of one lattice, whose step is the least power of two of which the longest side of the model's box has
     /// at most 2 to this power. By how much they move is part of all errors.
     Lattice(u8),
+    /// The same, with as many bits as the model's detail is worth: the step is at most half of what a sample of the model errs by when it is
+    /// halved, as leaves are. Where singles are no finer than that, as on flat models, positions are exact.
+    Auto,
 }
 
 impl Positions {
@@ -228,6 +231,7 @@ impl fmt::Display for Positions {
         match self {
             Positions::Exact => write!(f, "exact"),
             Positions::Lattice(bits) => write!(f, "lattice:{bits}"),
+            Positions::Auto => write!(f, "lattice:auto"),
         }
     }
 }
@@ -242,6 +246,7 @@ impl FromStr for Positions {
         match text.strip_prefix("lattice:").or_else(|| text.strip_prefix("quantized:")) {
             None if text == "exact" => Some(Positions::Exact),
             None => None,
+            Some("auto") => Some(Positions::Auto),
             Some(text) => bits(text).map(Positions::Lattice),
         }
         .ok_or_else(|| PositionsError { got: text.to_owned() })
@@ -251,7 +256,7 @@ impl FromStr for Positions {
 /// A text that is no [`Positions`].
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error(
-    "'{got}' says nothing of positions: write exact, or lattice:BITS with BITS from 8 to 24, as in lattice:16"
+    "'{got}' says nothing of positions: write exact, lattice:auto, or lattice:BITS with BITS from 8 to 24, as in lattice:16"
 )]
 pub struct PositionsError {
     /// The text.
@@ -417,10 +422,11 @@ mod tests {
 
     #[test]
     fn positions_are_read_as_they_are_told() {
-        for text in ["exact", "lattice:8", "lattice:24"] {
+        for text in ["exact", "lattice:8", "lattice:24", "lattice:auto"] {
             assert_eq!(text.parse::<Positions>().map(|positions| positions.to_string()), Ok(text.to_owned()));
         }
         assert_eq!("quantized:16".parse(), Ok(Positions::Lattice(16)));
+        assert_eq!("quantized:auto".parse(), Ok(Positions::Auto));
         for bad in ["", "lattice", "lattice:", "lattice:7", "lattice:25", "lattice:-8", "lattice:16 ", "16"] {
             assert_eq!(bad.parse::<Positions>(), Err(PositionsError { got: bad.to_owned() }));
         }

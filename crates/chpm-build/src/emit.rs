@@ -32,7 +32,7 @@ pub(crate) struct Facts {
     pub(crate) triangles: u64,
     attributes: Attributes,
     origin: [f64; 3],
-    lattice_step: Option<f64>,
+    pub(crate) lattice_step: Option<f64>,
     used_vertices: u64,
     shared_vertices: u32,
     scalars: Vec<Scalar>,

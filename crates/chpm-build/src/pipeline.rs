@@ -2,7 +2,7 @@
 
 use crate::checkpoint::{Arranged, Checkpoints, Key, Work, beside};
 use crate::clock::Clock;
-use crate::config::{BuildConfig, Resources, Settings};
+use crate::config::{BuildConfig, Positions, Resources, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
 use crate::fingerprint::Fingerprint;
@@ -160,6 +160,12 @@ fn run(
     notes.extend(known.facts.images.filter(|images| *images > 0).map(|images| {
         format!("colours of vertices are averages of the texels of {}", Counted(images, "image"))
     }));
+    notes.extend((settings.positions == Positions::Auto).then(|| match known.facts.lattice_step {
+        Some(step) => {
+            format!("coordinates are multiples of {step}, a step by how fine the model's detail is")
+        }
+        None => "coordinates are exact: no lattice of 24 bits is as fine as the model's detail".to_owned(),
+    }));
     let written = context
         .stage(Stage::Emit, 1, || file.finish(records, context).inspect(|_| context.progress.advance(1)))?;
     Ok(BuildReport {
@@ -174,6 +180,7 @@ fn run(
         repairs: known.repairs,
         warnings: known.facts.warnings,
         resumed: checkpoints.resumed,
+        lattice_step: known.facts.lattice_step,
         notes,
         budget_peak: context.store.budget.peak(),
         peak_resident: process::peak_resident(),

@@ -182,6 +182,8 @@ pub struct BuildReport {
     pub warnings: Vec<String>,
     /// Where the build went on, if it did not start from the beginning.
     pub resumed: Option<Reached>,
+    /// Step that all coordinates are multiples of, if positions were put on a lattice.
+    pub lattice_step: Option<f64>,
     /// Notes about earlier work, in words.
     pub notes: Vec<String>,
     /// Largest amount of the memory budget that was in use, bytes.

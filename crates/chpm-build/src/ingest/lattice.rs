@@ -3,6 +3,7 @@
 
 use super::local::{Local, each, within};
 use super::used::Used;
+use crate::config::Positions;
 use crate::context::Context;
 use crate::error::BuildError;
 use crate::vertex_columns::POSITIONS;
@@ -31,15 +32,7 @@ pub(super) fn round<T: Coordinate>(
 where
     [T; 3]: Pod,
 {
-    let mut ranges = [(f64::INFINITY, f64::NEG_INFINITY); 3];
-    each(positions, context, |first, points| {
-        for (_, point) in (first..).zip(points).filter(|(vertex, _)| used.contains(*vertex)) {
-            for (range, x) in ranges.iter_mut().zip(*point) {
-                *range = (range.0.min(x.into()), range.1.max(x.into()));
-            }
-        }
-        Ok(())
-    })?;
+    let ranges = ranges(positions, used, context)?;
     let lattice = Lattice::of(ranges, bits);
     // Rounding keeps the order of numbers, so that the ends of the ranges go to the ends of the box.
     fn at(end: fn(&(f64, f64)) -> f64, lattice: &Lattice, ranges: &[(f64, f64); 3]) -> [f32; 3] {
@@ -72,6 +65,38 @@ where
         lattice_step: Some(lattice.step),
         warning: None,
     })
+}
+
+/// From where to where the used vertices are along each axis.
+pub(super) fn ranges<T: Coordinate>(
+    positions: &Column<[T; 3]>,
+    used: &Used,
+    context: &Context<'_>,
+) -> Result<[(f64, f64); 3], BuildError>
+where
+    [T; 3]: Pod,
+{
+    let mut ranges = [(f64::INFINITY, f64::NEG_INFINITY); 3];
+    each(positions, context, |first, points| {
+        for (_, point) in (first..).zip(points).filter(|(vertex, _)| used.contains(*vertex)) {
+            for (range, x) in ranges.iter_mut().zip(*point) {
+                *range = (range.0.min(x.into()), range.1.max(x.into()));
+            }
+        }
+        Ok(())
+    })?;
+    Ok(ranges)
+}
+
+/// Bits of the coarsest lattice over a box whose step is at most `step`, or none if singles are as coarse as that.
+pub(super) fn bits_for(ranges: [(f64, f64); 3], step: f64) -> Option<u8> {
+    let longest = ranges.iter().map(|(low, high)| high - low).fold(0.0, f64::max);
+    if !(longest > 0.0 && step >= f64::MIN_POSITIVE) {
+        return None;
+    }
+    let largest = ceil_log2(step.next_up()) - 1;
+    let bits = (ceil_log2(longest) - largest).max(i32::from(*Positions::BITS.start()));
+    u8::try_from(bits).ok().filter(|bits| Positions::BITS.contains(bits))
 }
 
 /// Where its points are.
@@ -130,7 +155,6 @@ fn ceil_log2(x: f64) -> i32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::Positions;
     use proptest::prelude::*;
 
     fn sizes() -> impl Strategy<Value = f64> {

@@ -2,6 +2,7 @@
 //! in range, with bounds and counts. One pass over the file; memory is the arrays, a few batches, and a bit for each vertex.
 
 mod components;
+mod detail;
 mod intake;
 mod lattice;
 mod local;
@@ -144,13 +145,19 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
 
     // From here on positions are singles, relative to the origin.
     let Columns { mut vertices, doubles, triangles, used, bounds } = columns;
-    let Local { positions, bounds, origin, rounding, lattice_step, warning } =
-        match (settings.positions, is_double) {
-            (Positions::Exact, true) => local::doubles(doubles, format.coordinates, &used, context)?,
-            (Positions::Exact, false) => local::singles(vertices.positions, bounds, &used, context)?,
-            (Positions::Lattice(bits), true) => lattice::round(&doubles, bits, &used, context)?,
-            (Positions::Lattice(bits), false) => lattice::round(&vertices.positions, bits, &used, context)?,
-        };
+    let bits = match (settings.positions, is_double) {
+        (Positions::Exact, _) => None,
+        (Positions::Lattice(bits), _) => Some(bits),
+        (Positions::Auto, true) => detail::bits(&doubles, &triangles, &used, settings, context)?,
+        (Positions::Auto, false) => detail::bits(&vertices.positions, &triangles, &used, settings, context)?,
+    };
+    let local = match (bits, is_double) {
+        (None, true) => local::doubles(doubles, format.coordinates, &used, context),
+        (None, false) => local::singles(vertices.positions, bounds, &used, context),
+        (Some(bits), true) => lattice::round(&doubles, bits, &used, context),
+        (Some(bits), false) => lattice::round(&vertices.positions, bits, &used, context),
+    };
+    let Local { positions, bounds, origin, rounding, lattice_step, warning } = local?;
     vertices.positions = positions;
     let painted = wedges.map(|(triangles, tiles, materials)| {
         Painted::new(&triangles, &vertices.positions, materials, tiles, context)

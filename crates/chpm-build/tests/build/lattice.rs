@@ -4,7 +4,7 @@ use crate::site::{Site, config};
 use chpm_build::config::{Layout, Positions};
 use chpm_build::{BuildConfig, BuildReport};
 use chpm_format::Page;
-use chpm_mesh::{ClusterId, TriMesh};
+use chpm_mesh::{Bytes, ClusterId, TriMesh};
 use chpm_synth::{Shape, Synth, hand};
 use std::collections::BTreeMap;
 
@@ -86,6 +86,83 @@ fn meshes_of_any_size_and_place_lie_on_lattices() {
     }
     for offset in [[4.5e6, -3.25e5, 117.125], [1e15, 0.0, 1e-7], [-0.1; 3]] {
         builds("doubles", &Site::of_doubles(&torus, offset), 12);
+    }
+}
+
+/// Builds on a lattice by the model's detail; the step.
+fn auto(site: &Site) -> Option<f64> {
+    let mut config = config(256);
+    config.settings.positions = Positions::Auto;
+    let (report, file) = site.build(&config);
+    let step = file.metadata().unwrap().lattice_step().unwrap();
+    assert_eq!(report.lattice_step, step);
+    assert!(report.notes.iter().any(|note| note.starts_with("coordinates are")), "{:?}", report.notes);
+    step
+}
+
+#[test]
+fn detail_decides_the_step_wherever_and_however_large_the_model_is() {
+    let torus = Synth::new(Shape::Isosurface, 20_000, 3).to_mesh();
+    let scaled = |scale: f32| {
+        let mut mesh = torus.clone();
+        mesh.positions.iter_mut().flatten().for_each(|x| *x *= scale);
+        mesh
+    };
+    let step = auto(&Site::of(&torus)).unwrap();
+    for power in [-100, -20, 3, 100] {
+        let scale = 2f32.powi(power);
+        assert_eq!(auto(&Site::of(&scaled(scale))), Some(step * f64::from(scale)), "2^{power}");
+    }
+    assert_eq!(auto(&Site::of_doubles(&torus, [4.5e6, -3.25e5, 117.125])), Some(step));
+
+    // It is a share of what level 0 then errs in the median, within the factor of two between powers of two and that of a sample.
+    let (_, exact) = Site::of(&torus).build(&config(256));
+    let mut errors: Vec<f64> =
+        exact.clusters().iter().filter(|c| c.is_leaf()).map(|c| c.max_error.into()).collect();
+    errors.sort_unstable_by(f64::total_cmp);
+    let share = step / errors[errors.len() / 2];
+    assert!((0.0625..=0.5).contains(&share), "{share}");
+
+    // More of the same is as fine, and detail below what is asked for is none.
+    let mut coarse = config(256);
+    (coarse.settings.positions, coarse.settings.finest_error) =
+        (Positions::Auto, Some(chpm_build::config::Length::OfDiagonal(2.0)));
+    let coarse = Site::of(&torus).build(&coarse).1.metadata().unwrap().lattice_step().unwrap();
+    assert!(coarse > Some(2.0 * step), "{coarse:?} {step}");
+}
+
+#[test]
+fn arrays_on_disk_have_the_same_detail() {
+    let mesh = Synth::new(Shape::Isosurface, 60_000, 3).to_mesh();
+    for site in [Site::of(&mesh), Site::of_doubles(&mesh, [4.5e6, -3.25e5, 117.125])] {
+        let mut config = config(256);
+        config.settings.positions = Positions::Auto;
+        let (_, file) = site.build(&config);
+        (config.resources.memory, config.resources.threads) = (Bytes(0), 1);
+        let (_, on_disk) = site.build(&config);
+        assert!(file.bytes() == on_disk.bytes());
+    }
+}
+
+#[test]
+fn models_without_detail_stay_exact() {
+    let mut single = TriMesh { triangles: vec![[0, 1, 2]], ..TriMesh::default() };
+    single.positions = vec![[0.1; 3], [1.0, 0.0, 0.0], [0.0, 0.3, 0.0]];
+    let mut point = Synth::new(Shape::Torus, 1_500, 0).to_mesh();
+    point.positions.fill([1.1, -2.3, 1e-3]);
+    for (name, mesh) in [("one triangle", single), ("grid", hand::grid(60, 60)), ("point", point)] {
+        assert_eq!(auto(&Site::of(&mesh)), None, "{name}");
+    }
+    let torus = Synth::new(Shape::Torus, 1_500, 0).to_mesh();
+    for (name, mesh) in [
+        ("torus", torus),
+        ("soup", hand::soup(300)),
+        ("moebius", hand::moebius(300)),
+        ("fan", hand::fan(700)),
+        ("copies", hand::duplicate_faces()),
+    ] {
+        let step = auto(&Site::of(&mesh));
+        assert!(step.is_none_or(|step| step > 0.0), "{name}");
     }
 }
 
