@@ -21,7 +21,7 @@ const PIECES: usize = 16;
 /// One leaf of so many is looked at, up to as many as there are pieces.
 const SPARSE: u64 = 4;
 /// Of the largest error in the median piece, as much is the most that a step may be. Pieces err 0.5 to 0.9 times as much as level 0 does in the
-/// median, where group borders are halved as well: of that it is about a quarter.
+/// median, where group borders are halved as well: of that it is a quarter to a half.
 const SHARE: f64 = 0.5;
 /// The most vertices of a piece, whatever leaves are to have.
 const MOST_VERTICES: usize = 8192;
