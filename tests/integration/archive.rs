@@ -67,9 +67,7 @@ fn an_archive_has_the_files_of_the_folder() {
         ("sheets", "a.chpm"),
     ] {
         let told = folder.stdout(&format!("export {words} --3dtiles {name} -q"));
-        let archived =
-            shell(&folder, &format!("RAYON_NUM_THREADS=1 chpm export {words} --3dtiles {name}.3tz -q"));
-        let archived = text(&archived.stdout);
+        let archived = folder.stdout(&format!("export {words} --3dtiles {name}.3tz -q --threads 1"));
         let expected = files(&folder.path(name));
         // The same summary, and what the archive takes.
         let (sums, whole) = archived.trim_end().rsplit_once("; the archive has ").expect("a summary");
