@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 /// Sources of one model, on a command line.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct SourceArgs {
-    /// The mesh, a file or a pipe; - is standard input. Several files are tiles of one
+    /// The mesh: a file, a pipe, - for standard input, or several tiles
     ///
     /// {meshes}. Several sources are tiles of one model: they share a frame, and vertices of different files in one place become one. A list of them
     /// is left beside the output, as scan.tiles for scan.chpm: whatever reads a mesh reads it.
