@@ -1,7 +1,7 @@
 //! What a build is told, as the library and as the command take it.
 
 use crate::draw::Draw;
-use chpm_build::config::{Layout, Length, Normals, Topology};
+use chpm_build::config::{Layout, Length, Normals, Positions, Topology};
 use chpm_build::{BuildConfig, Resources, Settings};
 use chpm_format::BoundaryMode;
 use chpm_mesh::Bytes;
@@ -66,6 +66,10 @@ impl Told {
         if draw.once_in(3) {
             words.push("--keep=all".to_owned());
             settings.scalars.all = true;
+        }
+        if draw.once_in(4) {
+            settings.positions = draw.pick(&[Positions::Auto, Positions::Lattice(9)]);
+            words.push(format!("--positions={}", settings.positions));
         }
         let threads = draw.between(1, 2);
         let resources =
