@@ -146,7 +146,7 @@ fn write_model(args: &Args, model: &Path, stop: &Stop) -> Result<u64> {
         return relayout::store_pages(&args.file, model, how, args.quiet, args.memory.clone(), stop);
     }
     let packed = args.pages == Pages::Packed;
-    // A page is seen, and less than a pixel's worth of digits need not be sent.
+    // A page is looked at: digits finer than the model's detail need not be sent.
     let positions = args.positions.unwrap_or(Positions::Auto);
     let memory = args.memory.memory().max(Bytes(MIN_MEMORY));
     let config = BuildConfig {
