@@ -9,7 +9,7 @@ use crate::number::{AtMost, Units};
 use crate::output::{self, Output, Promise, Writes};
 use crate::progress::{Meter, line};
 use crate::report::{count, table};
-use crate::section::{Axis, Drawing, Every, PlaneArg, Ratio, Scale, Sheet, decimals};
+use crate::section::{Axis, Drawing, Every, PlaneArg, Ratio, Sheet};
 use crate::stop::Stop;
 use crate::threads::ThreadArgs;
 use crate::tolerance::{Tolerance, Unit};
@@ -249,29 +249,9 @@ impl Work<'_> {
     }
 
     fn sheet(&self, slicer: &Slicer<'_, MappedFile>, planes: &Planes, every: Option<Every>) -> Sheet {
-        let Work { args, file, .. } = *self;
-        let (header, bounds) = (file.header(), slicer.bounds().unwrap_or([[0.0; 2]; 2]));
-        let [low, high] = bounds;
-        let name = args.file.file_stem().unwrap_or_default().to_string_lossy();
-        let cut = match every {
-            Some(Every { axis, step }) => format!("{} every {}", axis.name(), Units(step)),
-            None => {
-                let [x, y, z] = planes.normal().map(|x| (1e4 * x).round() / 1e4);
-                format!("{x},{y},{z}:{}", planes.offsets().first().copied().unwrap_or(0.0))
-            }
-        };
-        let preview = args.preview.map_or(String::new(), |_| "; preview, not exact".to_owned());
-        Sheet {
-            title: format!("{name}, {cut}{preview}"),
-            origin: header.origin,
-            axes: planes.axes(),
-            bounds,
-            offsets: planes.offsets().to_vec(),
-            contours: every.map(|Every { axis, step }| (axis, step)),
-            decimals: decimals(header.aabb().diagonal()),
-            scale: Scale::of([high[0] - low[0], high[1] - low[1]], args.unit, args.scale),
-            placed: None,
-        }
+        let args = self.args;
+        let note = if args.preview.is_some() { "; preview, not exact" } else { "" };
+        Sheet::new(&args.file, slicer, planes, every, (args.unit, args.scale), note)
     }
 
     /// Where on the earth the model is.

@@ -12,6 +12,7 @@ use crate::picture::{DeviceArgs, StanceArgs, shading};
 use crate::progress::{Meter, line};
 use crate::proximity::RelateArgs;
 use crate::report::count;
+use crate::section::Slicing;
 use crate::stop::Stop;
 use crate::view;
 use anyhow::{Context, Result, bail, ensure};
@@ -133,6 +134,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         screenshot: args.screenshot.clone(),
         memory: Memory::of_user(),
         recall: !args.fresh,
+        slice: Arc::new(Slicing { memory: args.memory }),
         prepare: Arc::new(Builder { overwrite: args.force, ..Builder::default() }),
         stop: {
             let cancel = cancel.clone();

@@ -11,7 +11,8 @@ use chpm_mesh::asked::Length;
 use chpm_proximity::contacts::Near;
 use chpm_proximity::{Answer, End, Front, Model, Pose, Question, contacts, follow};
 use chpm_viewer::Transform;
-use chpm_viewer::window::relation::{Desk, Region, Regions, Relate, Relation, Second};
+use chpm_viewer::window::desk::Desk;
+use chpm_viewer::window::relation::{Region, Regions, Relate, Relation, Second};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -84,7 +85,7 @@ struct Relater {
 const ROUGH: f64 = 32.0;
 
 impl Relate for Relater {
-    fn relate(&self, desk: &Desk) {
+    fn relate(&self, desk: &Desk<usize, Relation>) {
         let mut asked = None;
         let done = self.pair.reading(|| {
             let models = self.pair.open(1)?;
@@ -111,7 +112,7 @@ impl Relater {
     /// One answer after the other about a step, each better than the one before, until another step is asked about.
     fn answer(
         &self,
-        desk: &Desk,
+        desk: &Desk<usize, Relation>,
         step: usize,
         [a, b]: &[Model<'_, MappedFile>; 2],
         front: &mut Front,

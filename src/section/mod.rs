@@ -6,16 +6,23 @@ mod geojson;
 mod plane;
 mod scale;
 mod svg;
+#[cfg(feature = "viewer")]
+mod window;
 
 pub(crate) use plane::{Axis, Every, PlaneArg};
 pub(crate) use scale::{Ratio, Scale};
+#[cfg(feature = "viewer")]
+pub(crate) use window::Slicing;
 
 use crate::georeference::Placed;
-use crate::output::Output;
+use crate::number::Units;
+use crate::tolerance::Unit;
 use anyhow::Result;
-use chpm_section::Section;
+use chpm_extmem::MappedFile;
+use chpm_section::{Planes, Section, Slicer};
 use geojson::GeoJson;
 use std::io::Write;
+use std::path::Path;
 use svg::Svg;
 
 /// Facts that every format is told before the first line.
@@ -40,6 +47,38 @@ pub(crate) struct Sheet {
 }
 
 impl Sheet {
+    /// Of planes that cut a file of this name; `note` follows the title.
+    pub(crate) fn new(
+        name: &Path,
+        slicer: &Slicer<'_, MappedFile>,
+        planes: &Planes,
+        every: Option<Every>,
+        scale: (Option<Unit>, Option<Ratio>),
+        note: &str,
+    ) -> Self {
+        let (header, bounds) = (slicer.file().header(), slicer.bounds().unwrap_or([[0.0; 2]; 2]));
+        let [low, high] = bounds;
+        let name = name.file_stem().unwrap_or_default().to_string_lossy();
+        let cut = match every {
+            Some(Every { axis, step }) => format!("{} every {}", axis.name(), Units(step)),
+            None => {
+                let [x, y, z] = planes.normal().map(|x| (1e4 * x).round() / 1e4);
+                format!("{x},{y},{z}:{}", planes.offsets().first().copied().unwrap_or(0.0))
+            }
+        };
+        Sheet {
+            title: format!("{name}, {cut}{note}"),
+            origin: header.origin,
+            axes: planes.axes(),
+            bounds,
+            offsets: planes.offsets().to_vec(),
+            contours: every.map(|Every { axis, step }| (axis, step)),
+            decimals: decimals(header.aabb().diagonal()),
+            scale: Scale::of([high[0] - low[0], high[1] - low[1]], scale.0, scale.1),
+            placed: None,
+        }
+    }
+
     /// A point of a line in the model's coordinates.
     fn world(&self, point: &[f64; 3]) -> [f64; 3] {
         std::array::from_fn(|axis| point[axis] + self.origin[axis])
@@ -80,7 +119,7 @@ pub(crate) enum Drawing {
 
 impl Drawing {
     /// Begins a file of a format that the verb writes.
-    pub(crate) fn begin(format: &str, sheet: &Sheet, out: &mut Output) -> Result<Self> {
+    pub(crate) fn begin(format: &str, sheet: &Sheet, out: &mut impl Write) -> Result<Self> {
         Ok(match format {
             "DXF" => {
                 dxf::begin(sheet, out)?;
@@ -96,7 +135,7 @@ impl Drawing {
     }
 
     /// Adds the lines of a plane.
-    pub(crate) fn add(&mut self, sheet: &Sheet, section: &Section, out: &mut Output) -> Result<()> {
+    pub(crate) fn add(&mut self, sheet: &Sheet, section: &Section, out: &mut impl Write) -> Result<()> {
         match self {
             Drawing::Svg(svg) => svg.add(sheet, section, out),
             Drawing::Dxf => dxf::add(sheet, section, out),
@@ -105,7 +144,7 @@ impl Drawing {
         }
     }
 
-    pub(crate) fn end(self, sheet: &Sheet, out: &mut Output) -> Result<()> {
+    pub(crate) fn end(self, sheet: &Sheet, out: &mut impl Write) -> Result<()> {
         match self {
             Drawing::Svg(svg) => svg.end(sheet, out),
             Drawing::Dxf => dxf::end(out),

@@ -4,7 +4,7 @@
 //! manager runs: windows are where they want to be, and have the keyboard when they are given it.
 
 use super::harness::{CHPM, Folder, root, skipped};
-use chpm_refine::CameraPath;
+use chpm_refine::{CameraPath, Up};
 use chpm_viewer::Look;
 use chpm_viewer::window::keys::{KEYS, MOTIONS};
 use nalgebra::{Point3, Rotation3, Vector3};
@@ -250,6 +250,42 @@ fn every_press_counts_and_a_drag_moves_the_light() {
     let [clip, share] = ["clip", "clip_share"].map(|name| number(&folder, name));
     assert_eq!(clip, 1.0);
     assert!((share - (0.5 - 3.0 * 0.025)).abs() < 1e-9, "{share}");
+}
+
+/// The clipping plane that looks at the camera has an outline, filled, and V writes what `section` does.
+#[test]
+fn the_clipping_plane_has_an_outline_that_can_be_written() {
+    let Some(display) = Display::open() else { return };
+    let folder = built();
+    let child = display.spawn(&folder, "view in.chpm --up y --view front");
+    display.window("in.chpm");
+    display.wait_for_a_picture(0.2);
+    // The camera is at the front, where z is high.
+    let presses = Up::ALL.iter().position(|up| up.axis() == 2 && !up.is_negative()).expect("an axis") + 1;
+    display.hand(&format!("key --delay 0 {}", vec!["k"; presses].join(" ")));
+    // Warm colours, which neither the model nor the panel has: lines, and what is filled in a darker one.
+    let warm =
+        |pixel: &&[u8; 3], least: u8| pixel[0] >= least && pixel[0] > pixel[1] && pixel[1] > pixel[2] + 30;
+    let outline = |least: u8, most: u8| {
+        let dump = display.dump();
+        let beside = dump.chunks(800).flat_map(|row| &row[PANEL..]);
+        beside.filter(|pixel| warm(pixel, least) && pixel[0] <= most).count()
+    };
+    display.wait_until(&|| outline(230, 255) > 300 && outline(130, 190) > 3000);
+    display.hand("key v");
+    display.wait_until(&|| folder.names().contains(&"in-1.svg".to_owned()));
+    // Where there is no plane there is none.
+    display.hand(&format!("key --delay 0 {}", vec!["k"; Up::ALL.len() + 1 - presses].join(" ")));
+    display.wait_until(&|| outline(230, 255) == 0);
+    display.hand("key ctrl+q");
+    finish(child);
+
+    let drawn = String::from_utf8(folder.read("in-1.svg")).expect("text");
+    let title = drawn.split_once("<title>in, ").and_then(|(_, rest)| rest.split_once("</title>"));
+    let plane = title.expect("a title").0;
+    assert!(plane.starts_with("0,0,1:"), "{plane}");
+    folder.stdout(&format!("section in.chpm --plane {plane} -o again.svg -q"));
+    assert!(folder.read("again.svg") == drawn.into_bytes(), "the same drawing");
 }
 
 /// What the other buttons and the wheel do: the camera moves with what is held, and goes nearer to what is under the pointer.

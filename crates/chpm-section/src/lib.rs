@@ -14,6 +14,7 @@
 
 mod chain;
 pub mod error;
+pub mod fill;
 pub mod line;
 mod nest;
 mod pieces;
@@ -21,6 +22,7 @@ pub mod planes;
 pub mod section;
 
 pub use error::SectionError;
+pub use fill::Fill;
 pub use line::Line;
 pub use planes::Planes;
 pub use section::{Pages, Section, Slicer};

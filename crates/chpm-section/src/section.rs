@@ -85,6 +85,11 @@ impl<'a, D: AsRef<[u8]> + Sync> Slicer<'a, D> {
         Slicer { file, planes, offsets, members, crossed, next: 0, at_once: AT_ONCE }
     }
 
+    /// The file that is cut.
+    pub fn file(&self) -> &'a Chpm<D> {
+        self.file
+    }
+
     /// The corners of a box in the plane, along its axes and relative to the file's origin, that holds all lines; none if no cluster is crossed.
     pub fn bounds(&self) -> Option<[[f64; 2]; 2]> {
         let axes = self.planes.axes();

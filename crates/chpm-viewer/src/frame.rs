@@ -206,6 +206,11 @@ impl Viewer {
         self.models.iter().map(|model| model.scene.file())
     }
 
+    /// Where each of them is.
+    pub fn places(&self) -> impl Iterator<Item = Transform> {
+        self.models.iter().map(|model| model.place)
+    }
+
     /// Why some of a model stays coarser than frames that do not wait want it: the first of its pages that could not be read.
     pub fn damage(&self) -> Option<&ViewerError> {
         self.models.iter().find_map(|model| model.scene.damage())

@@ -77,6 +77,15 @@ impl Transform {
     pub(crate) fn clip(&self, clip: &Clip, origin: [f64; 3]) -> ([f64; 3], f64) {
         (self.turn_back(clip.normal().into()).into(), clip.offset_from(self.apply(origin)))
     }
+
+    /// The same plane in the coordinates of the model itself, which no factor stretches; none where it is none there.
+    pub(crate) fn plane(&self, clip: &Clip) -> Option<Clip> {
+        if self.is_still() {
+            return Some(*clip);
+        }
+        let normal = self.turn_back(clip.normal().into()).component_mul(&self.stretch);
+        Clip::new(normal.into(), clip.offset_from(self.shift.into()) / normal.norm())
+    }
 }
 
 #[cfg(test)]
@@ -108,6 +117,23 @@ mod tests {
         };
         let outside = beyond(clip.normal(), all, clip.offset_from([0.0; 3]));
         assert!((beyond(normal, point, offset) - outside).abs() < 1e-8);
+    }
+
+    #[test]
+    fn a_plane_is_the_same_where_the_model_is_stretched() {
+        let (sin, cos) = 0.7_f64.sin_cos();
+        let turned = Transform::new([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]], [3.0, -4.0, 5.0]);
+        let place = Transform { stretch: Vector3::new(2.0, 1.0, 0.25), ..turned };
+        let clip = Clip::new([1.0, 2.0, 3.0], 7.0).unwrap();
+        let own = place.plane(&clip).unwrap();
+        let height = |clip: &Clip, point: [f64; 3]| {
+            Vector3::from(clip.normal()).dot(&Vector3::from(point)) - clip.offset_from([0.0; 3])
+        };
+        // As far above the one as above the other, but for a factor.
+        let points = [[0.0, 0.0, 0.0], [9.0, 1.0, -2.0], [-3.0, 40.0, 5.0]];
+        let factors = points.map(|point| height(&clip, place.apply(point)) / height(&own, point));
+        assert!(factors.iter().all(|x| *x > 0.0 && (x / factors[0] - 1.0).abs() < 1e-12), "{factors:?}");
+        assert_eq!(Transform::STILL.plane(&clip), Some(clip));
     }
 
     #[test]

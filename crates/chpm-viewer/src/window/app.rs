@@ -3,6 +3,7 @@
 mod building;
 mod files;
 mod input;
+mod layout;
 
 use crate::error::ViewerError;
 use crate::request::Shading;
@@ -12,11 +13,12 @@ use crate::window::couple::Couple;
 use crate::window::gesture::Gestures;
 use crate::window::keys::{Command, Flight};
 use crate::window::navigate::Pivot;
-use crate::window::overlay::{self, Note};
-use crate::window::panel::{self, About};
-use crate::window::record::{Pace, Recorder};
+use crate::window::overlay::Note;
+use crate::window::panel;
+use crate::window::record::Pace;
 use crate::window::relation::Relation;
 use crate::window::remember::Remembered;
+use crate::window::section::{Cutting, Face, Sections};
 use crate::window::session::{Next, Session, Whole};
 use crate::window::settings::Settings;
 use crate::window::tally::Tally;
@@ -51,6 +53,8 @@ pub(super) enum Event {
     Build(News),
     /// Relation of two models at a step of their motion.
     Related(usize, Result<Relation, String>),
+    /// Outline of the clipping plane.
+    Cut(Box<Cutting>, Result<Face, String>),
 }
 
 /// All of it.
@@ -61,6 +65,7 @@ pub(super) struct App {
     session: Option<Session>,
     /// Relation of the two models of a session that has two.
     couple: Option<Couple>,
+    sections: Option<Sections>,
     settings: Settings,
     gestures: Gestures,
     flight: Flight,
@@ -94,6 +99,7 @@ impl App {
             canvas: None,
             session: None,
             couple: None,
+            sections: None,
             settings: Settings::default(),
             gestures: Gestures::default(),
             flight: Flight::default(),
@@ -265,6 +271,7 @@ impl App {
         }
         self.preview = false;
         self.couple = second.and_then(|second| self.pair_up(&second));
+        self.sections = self.outlines(&session);
         self.session = Some(session);
         self.before = None;
         self.wake();
@@ -303,6 +310,7 @@ impl App {
             Command::Clip => settings.next_clip(),
             Command::ClipMore => settings.move_clip(-CLIP),
             Command::ClipLess => settings.move_clip(CLIP),
+            Command::Outline => self.draw_outline(),
             Command::Open => self.browse(None),
             Command::Back => self.back(),
             Command::Quit => events.exit(),
@@ -466,72 +474,6 @@ impl App {
         }
         Ok(())
     }
-
-    /// Lays out the panel and dialogs over the model; returns the commands of their buttons.
-    fn lay_out(&mut self, context: &egui::Context, size: [u32; 2]) -> Vec<Command> {
-        if let Some(session) = &self.session {
-            let scale = context.pixels_per_point();
-            overlay::borders(context, &session.frozen_lines(size), scale);
-            if self.settings.rulers {
-                overlay::rulers(context, session.camera(), size, scale);
-            }
-            overlay::marks(context, &session.marks, session.camera(), size, scale);
-            overlay::record(context, &session.inspected);
-            if let Some(couple) = &mut self.couple {
-                couple.mark(context, session.camera(), size, scale);
-            }
-        }
-
-        if self.couple.as_mut().is_some_and(|couple| couple.show(context)) {
-            self.wake();
-        }
-        let mut commands = self.show_panel(context);
-
-        if self.session.is_none() && self.building.is_none() {
-            overlay::nothing(context);
-        }
-        if self.help && overlay::keys(context) {
-            commands.push(Command::Help);
-        }
-        if let Some(building) = &self.building
-            && overlay::progress(context, &building.what, building.share, self.preview)
-        {
-            self.options.prepare.cancel();
-        }
-
-        if let Some(damage) = self.session.as_ref().and_then(|session| session.viewer.damage()) {
-            overlay::damage(context, &damage.to_string());
-        }
-
-        self.note = self.note.take().filter(|(_, since)| since.elapsed() < NOTE);
-        if let Some((note, _)) = &self.note {
-            overlay::note(context, note);
-        }
-        commands
-    }
-
-    fn show_panel(&mut self, context: &egui::Context) -> Vec<Command> {
-        let (Some(session), true) = (&self.session, self.settings.panel) else { return Vec::new() };
-        let name = session.name();
-        let gpu = session.viewer.gpu();
-        let adapter = gpu.adapter.get_info();
-        let about = About {
-            model: &name,
-            triangles: session.viewer.files().map(|file| file.header().source_triangle_count).sum(),
-            adapter: &adapter.name,
-            memory: self.options.budgets.memory,
-            gpu_memory: self.options.budgets.gpu_memory,
-            smooth: gpu.multisamples().then(|| self.settings.smooths(gpu)),
-            shadows: self.settings.shades(gpu),
-            up: session.navigator.upward(),
-            frozen: session.frozen.is_some(),
-            recording: session.recorder.as_ref().map(Recorder::seconds),
-            replaying: session.replay.as_ref().map(|replay| replay.progress()),
-            can_replay: session.recorded.is_some(),
-            scalar: session.viewer.scalar(),
-        };
-        panel::show(context, &mut self.settings, &session.figures, &about)
-    }
 }
 
 impl ApplicationHandler<Event> for App {
@@ -554,6 +496,11 @@ impl ApplicationHandler<Event> for App {
     fn user_event(&mut self, events: &ActiveEventLoop, event: Event) {
         match event {
             Event::Build(news) => self.hear_of_build(news, events),
+            Event::Cut(cutting, answer) => {
+                if let Some(sections) = &mut self.sections {
+                    sections.hear(*cutting, answer);
+                }
+            }
             Event::Related(step, answer) => {
                 if let Some(couple) = &mut self.couple {
                     couple.hear(step, answer);

@@ -1,9 +1,10 @@
 //! Two models in the window: which step of their motion is shown, what is known of it, and how that is shown.
 
 use crate::transform::Transform;
+use crate::window::desk::Desk;
 use crate::window::figures::{between, count};
 use crate::window::frustum::project;
-use crate::window::relation::{Desk, Region, Regions, Relate, Relation, Second};
+use crate::window::relation::{Region, Regions, Relate, Relation, Second};
 use crate::window::style::{self, ACCENT, CLEAR, LIVE, QUIET, WARNING};
 use chpm_refine::Camera;
 use egui::{Align2, Color32, FontId, Id, LayerId, Order, RichText, Stroke, pos2, vec2};
@@ -27,7 +28,7 @@ pub(super) struct Couple {
     playing: Option<f64>,
     /// Last answer, and its step.
     known: Option<(usize, Result<Relation, String>)>,
-    desk: Arc<Desk>,
+    desk: Arc<Desk<usize, Relation>>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -245,7 +246,7 @@ mod tests {
     struct Silent;
 
     impl Relate for Silent {
-        fn relate(&self, desk: &Desk) {
+        fn relate(&self, desk: &Desk<usize, Relation>) {
             while let Some(step) = desk.take() {
                 desk.tell(step, Err(step.to_string()));
             }

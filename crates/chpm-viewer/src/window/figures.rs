@@ -134,6 +134,19 @@ pub fn digits(value: f64) -> String {
     }
 }
 
+/// A number of which nothing is known but that it is exact: six digits, without zeros at its end.
+pub fn six_digits(value: f64) -> String {
+    let text = format!("{value:.5e}");
+    let Some((_, exponent)) = text.split_once('e') else { return text };
+    let exponent: i32 = exponent.parse().unwrap_or(0);
+    if !(-5..9).contains(&exponent) {
+        return text;
+    }
+    let places = (5 - exponent).max(0) as usize;
+    let text = format!("{value:.places$}");
+    if places == 0 { text } else { text.trim_end_matches('0').trim_end_matches('.').to_owned() }
+}
+
 /// A length and by how much it may differ, as in `46.123 +- 0.032`: two digits of what is uncertain, and no more than six of all. What is
 /// told of the uncertainty is rounded up, and counts what the length was rounded by.
 pub fn measured(length: f64, differs: f64) -> String {
@@ -240,6 +253,21 @@ mod tests {
     fn take(figures: &mut Figures, whole: u64, seconds: f64, moving: bool) {
         let times = Times { draw: Duration::from_millis(whole / 2), ..Times::default() };
         figures.take(&Stats { times, ..Stats::default() }, Duration::from_millis(whole), seconds, moving);
+    }
+
+    #[test]
+    fn numbers_have_six_digits() {
+        for (value, told) in [
+            (0.0, "0"),
+            (4.0, "4"),
+            (12.34567, "12.3457"),
+            (123_456.7, "123457"),
+            (0.001_234_567_8, "0.00123457"),
+            (1e-9, "1.00000e-9"),
+            (2.5e12, "2.50000e12"),
+        ] {
+            assert_eq!(six_digits(value), told, "{value}");
+        }
     }
 
     #[test]

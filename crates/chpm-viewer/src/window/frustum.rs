@@ -24,23 +24,61 @@ pub fn lines(seen: &Camera, aspect: f64, by: &Camera, viewport: [u32; 2]) -> Vec
 
 /// A line as a camera sees it, if any of it is before the camera.
 pub(super) fn project(line: [Point3<f64>; 2], by: &Camera, viewport: [u32; 2]) -> Option<Line> {
-    let (axes, distance) = axes(by);
-    let near = NEAR * distance;
-    let [mut a, mut b] = line.map(|point| {
-        let way = point - Point3::from(by.position);
-        Vector3::new(way.dot(&axes[0]), way.dot(&axes[1]), way.dot(&axes[2]))
-    });
-    if a.z < near && b.z < near {
-        return None;
+    let sight = Sight::of(by, viewport);
+    sight.line(line.map(|point| sight.see(point)))
+}
+
+/// How a camera sees points in an image: first relative to its axes (to the right, upward, forward), then as pixels.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sight {
+    eye: Point3<f64>,
+    axes: [Vector3<f64>; 3],
+    near: f64,
+    middle: [f64; 2],
+    scale: f64,
+}
+
+impl Sight {
+    pub(super) fn of(by: &Camera, viewport: [u32; 2]) -> Self {
+        let (axes, distance) = axes(by);
+        let [width, height] = viewport.map(f64::from);
+        let scale = 0.5 * height / (0.5 * by.fov.to_radians()).tan();
+        let middle = [0.5 * width, 0.5 * height];
+        Sight { eye: by.position.into(), axes, near: NEAR * distance, middle, scale }
     }
-    fn cut(from: Vector3<f64>, to: Vector3<f64>, near: f64) -> Vector3<f64> {
-        from + (to - from) * ((near - from.z) / (to.z - from.z))
+
+    /// A point relative to the axes.
+    pub(super) fn see(&self, point: Point3<f64>) -> Vector3<f64> {
+        let way = point - self.eye;
+        Vector3::new(way.dot(&self.axes[0]), way.dot(&self.axes[1]), way.dot(&self.axes[2]))
     }
-    (a, b) = (if a.z < near { cut(a, b, near) } else { a }, if b.z < near { cut(b, a, near) } else { b });
-    let [width, height] = viewport.map(f64::from);
-    let scale = 0.5 * height / (0.5 * by.fov.to_radians()).tan();
-    let line = [a, b].map(|p| [0.5 * width + scale * p.x / p.z, 0.5 * height - scale * p.y / p.z]);
-    line.as_flattened().iter().all(|x| x.is_finite()).then_some(line)
+
+    /// Whether a point relative to the axes is before the camera.
+    pub(super) fn is_before(&self, seen: &Vector3<f64>) -> bool {
+        seen.z >= self.near
+    }
+
+    /// Where a line leaves what is before the camera.
+    pub(super) fn cut(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> Vector3<f64> {
+        from + (to - from) * ((self.near - from.z) / (to.z - from.z))
+    }
+
+    /// Pixels of a point that is before the camera.
+    pub(super) fn pixel(&self, seen: &Vector3<f64>) -> [f64; 2] {
+        [self.middle[0] + self.scale * seen.x / seen.z, self.middle[1] - self.scale * seen.y / seen.z]
+    }
+
+    /// Pixels of the part of a line that is before the camera.
+    pub(super) fn line(&self, [a, b]: [Vector3<f64>; 2]) -> Option<Line> {
+        let ends = match [&a, &b].map(|end| self.is_before(end)) {
+            [false, false] => return None,
+            [true, true] => [a, b],
+            [false, true] => [self.cut(&a, &b), b],
+            [true, false] => [a, self.cut(&b, &a)],
+        };
+        let line = ends.map(|end| self.pixel(&end));
+        line.as_flattened().iter().all(|x| x.is_finite()).then_some(line)
+    }
 }
 
 /// To the right, upward, forward, and the distance to the focus.

@@ -27,6 +27,8 @@ pub enum Command {
     ClipMore,
     /// More of it.
     ClipLess,
+    /// Writes the outline of the clipping plane.
+    Outline,
     /// Twice as fine.
     Finer,
     /// Twice as coarse.
@@ -92,7 +94,7 @@ const fn ctrl(code: KeyCode, key: &'static str, command: Command, does: &'static
 }
 
 /// All keys, but for those of flight.
-pub const KEYS: [Binding; 28] = [
+pub const KEYS: [Binding; 29] = [
     key(KeyCode::Home, "Home", Command::Home, "the whole model, from the front, upright, in the usual light"),
     key(KeyCode::KeyF, "F", Command::Fit, "the whole model, from this side"),
     key(KeyCode::KeyG, "G", Command::Fly, "drags look around (fly) or go around (orbit)"),
@@ -102,6 +104,7 @@ pub const KEYS: [Binding; 28] = [
     key(KeyCode::KeyK, "K", Command::Clip, "clipping plane across x, y, z, from either side, or none"),
     key(KeyCode::BracketLeft, "[", Command::ClipMore, "the clipping plane leaves less"),
     key(KeyCode::BracketRight, "]", Command::ClipLess, "the clipping plane leaves more"),
+    key(KeyCode::KeyV, "V", Command::Outline, "write the outline of the clipping plane: an SVG, to scale"),
     key(KeyCode::Minus, "-", Command::Coarser, "half the detail"),
     key(KeyCode::Equal, "+", Command::Finer, "twice the detail"),
     key(KeyCode::KeyN, "N", Command::Shading, "flat or smooth shading"),

@@ -8,6 +8,7 @@ mod app;
 pub mod browse;
 mod canvas;
 mod couple;
+pub mod desk;
 pub mod detail;
 pub mod figures;
 pub mod frustum;
@@ -22,6 +23,7 @@ pub mod relation;
 pub mod remember;
 pub mod rulers;
 mod save;
+pub mod section;
 mod session;
 pub mod settings;
 mod style;
@@ -34,6 +36,7 @@ use app::{App, Event};
 use chpm_refine::{CameraPath, Side, Up};
 use relation::Second;
 use remember::Memory;
+use section::Slice;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use winit::event_loop::{ControlFlow, EventLoop};
@@ -70,6 +73,8 @@ pub struct Options {
     pub recall: bool,
     /// Makes a CHPM of a mesh that is the model, or dropped on the window.
     pub prepare: Arc<dyn Prepare>,
+    /// Cuts models for the outline of the clipping plane.
+    pub slice: Arc<dyn Slice>,
     /// Whether the process was told to end.
     pub stop: Box<dyn Fn() -> bool>,
 }

@@ -2,10 +2,11 @@
 
 use crate::request::Coloring;
 use crate::stats::Stats;
-use crate::window::figures::{Figures, count, digits, ms, percent};
+use crate::window::figures::{Figures, count, digits, ms, percent, six_digits};
 use crate::window::keys::Command;
+use crate::window::section::Known;
 use crate::window::settings::{FRAME, POE, Settings, Smooth, TRIANGLES};
-use crate::window::style::{self, ACCENT, CLEAR, LIVE, QUIET};
+use crate::window::style::{self, ACCENT, CLEAR, LIVE, QUIET, WARNING};
 use chpm_mesh::{Bytes, Scalar, viridis};
 use chpm_refine::Up;
 use egui::{Align2, Color32, Id, Rect, RichText, Sense, Ui, vec2};
@@ -36,6 +37,8 @@ pub(super) struct About<'a> {
     pub(super) can_replay: bool,
     /// The scalar that the model's own colours show.
     pub(super) scalar: Option<&'a Scalar>,
+    /// Of the clipping plane's outline, where it is shown.
+    pub(super) section: Option<Known<'a>>,
 }
 
 /// Windows in which the panel would lie over the model: it is a button there until somebody wants it. Points.
@@ -303,7 +306,7 @@ fn look(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, last: &Stats, c
         }
     });
 
-    clip(ui, settings);
+    commands.extend(clip(ui, settings, about));
     ui.horizontal(|ui| {
         ui.label(RichText::new("culling").color(QUIET));
         ui.toggle_value(&mut settings.frustum_culling, "frustum");
@@ -312,8 +315,8 @@ fn look(ui: &mut Ui, settings: &mut Settings, about: &About<'_>, last: &Stats, c
     });
 }
 
-/// The clipping plane: which one, and how much it leaves.
-fn clip(ui: &mut Ui, settings: &mut Settings) {
+/// The clipping plane: which one, how much it leaves, and its outline.
+fn clip(ui: &mut Ui, settings: &mut Settings, about: &About<'_>) -> Option<Command> {
     ui.horizontal(|ui| {
         ui.label(RichText::new("clip").color(QUIET));
         let chosen = egui::ComboBox::from_id_salt("clip").selected_text(name(settings.clip)).width(50.0);
@@ -326,6 +329,29 @@ fn clip(ui: &mut Ui, settings: &mut Settings) {
         let slider = egui::Slider::new(&mut settings.clip_share, 0.0..=1.0).max_decimals(3);
         ui.add_enabled(settings.clip > 0, slider).on_hover_text("the share of the model that is left");
     });
+    if settings.clip == 0 {
+        return None;
+    }
+    let asked = ui.horizontal(|ui| {
+        ui.toggle_value(&mut settings.outline, "outline")
+            .on_hover_text("cut out of the source's own triangles");
+        ui.add_enabled_ui(about.section.is_some(), |ui| button(ui, "write SVG", false, Command::Outline))
+            .inner
+    });
+    match about.section {
+        Some(Known::Soon) => _ = ui.label(RichText::new("cutting ...").small().color(QUIET)),
+        Some(Known::Fault(told)) => _ = ui.label(RichText::new(told).small().color(WARNING)),
+        Some(Known::Face(face)) => {
+            let [length, area] = [face.length, face.area].map(six_digits);
+            let open = match face.open_ends {
+                0 => String::new(),
+                ends => format!("; {} open ends", count(ends)),
+            };
+            ui.label(RichText::new(format!("{length} units, area {area}{open}")).small().color(CLEAR));
+        }
+        None => {}
+    }
+    asked.inner
 }
 
 fn name(clip: u8) -> String {
@@ -431,6 +457,7 @@ mod tests {
             replaying: Some(0.5),
             can_replay: true,
             scalar: None,
+            section: Some(Known::Fault("a word about why there is no outline that is longer than any panel")),
         };
         let raw = egui::RawInput {
             screen_rect: Some(Rect::from_min_size(egui::Pos2::ZERO, size)),

@@ -15,6 +15,7 @@ use crate::window::navigate::{Navigator, Pivot};
 use crate::window::record::{Pace, Recorder, Replay};
 use crate::window::relation::Second;
 use crate::window::rulers::Mark;
+use crate::window::section::Cutting;
 use crate::window::settings::Settings;
 use chpm_refine::{Camera, CameraPath, Member, Side, Stance, Up};
 use std::path::{Path, PathBuf};
@@ -261,6 +262,14 @@ impl Session {
             ..settings.request_on(self.viewer.gpu(), self.camera, size, frozen)
         };
         Ok(headless::image(&mut self.viewer, &request)?.0)
+    }
+
+    /// The clipping plane whose outline is wanted.
+    pub(super) fn cutting(&self, settings: &Settings) -> Option<Cutting> {
+        let clip = settings.plane(&self.viewer.bounds(), self.viewer.origin());
+        let mut places = [Transform::STILL; 2];
+        places.iter_mut().zip(self.viewer.places()).for_each(|(to, place)| *to = place);
+        clip.filter(|_| settings.outline).map(|clip| Cutting { clip, places })
     }
 
     /// Whether the camera moves.

@@ -69,6 +69,8 @@ pub struct Settings {
     pub clip: u8,
     /// The share of the model's box that it leaves.
     pub clip_share: f64,
+    /// Whether the outline of what it cuts is drawn.
+    pub outline: bool,
     /// Meaning of colours.
     #[serde(with = "color_name")]
     pub colors: Coloring,
@@ -104,6 +106,7 @@ impl Default for Settings {
             light: Look::LIGHT,
             clip: 0,
             clip_share: 0.5,
+            outline: true,
             colors: Coloring::Vertex,
             wireframe: false,
             one_sided: false,

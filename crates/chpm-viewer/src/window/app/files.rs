@@ -7,6 +7,8 @@ use crate::window::overlay::{self, Choice};
 use crate::window::record::{Pace, Recorder};
 use crate::window::relation::Second;
 use crate::window::save;
+use crate::window::section::Sections;
+use crate::window::session::Session;
 use chpm_extmem::read_text;
 use chpm_refine::CameraPath;
 use std::env;
@@ -55,6 +57,39 @@ impl App {
                 None
             }
         }
+    }
+
+    /// Has outlines of the clipping plane cut, unless nobody looks.
+    pub(super) fn outlines(&mut self, session: &Session) -> Option<Sections> {
+        if self.is_scripted() {
+            return None;
+        }
+        let models = session.viewer.files().map(|file| file.get_ref().path().to_owned()).collect();
+        let proxy = self.proxy.clone();
+        let hear = move |cutting, answer| drop(proxy.send_event(Event::Cut(Box::new(cutting), answer)));
+        match Sections::new(&self.options.slice, models, hear) {
+            Ok(sections) => Some(sections),
+            Err(told) => {
+                self.tell(told, true);
+                None
+            }
+        }
+    }
+
+    /// Writes the outline of the clipping plane.
+    pub(super) fn draw_outline(&mut self) {
+        let Some(session) = &self.session else { return };
+        let plane = self.settings.plane(&session.viewer.bounds(), session.viewer.origin());
+        let Some(plane) = plane else {
+            return self.tell("no clipping plane: K sets one", false);
+        };
+        // Each has coordinates of its own.
+        if session.viewer.files().nth(1).is_some() {
+            return self.tell("the outline of two models is not written: open one of them alone", true);
+        }
+        let drawing = self.options.slice.draw(session.viewer.file().get_ref().path(), &plane);
+        let saved = drawing.and_then(|drawing| self.save("svg", &drawing));
+        self.tell_saved(saved);
     }
 
     /// Shows the open dialog, if there is one; answers the file that was chosen.
