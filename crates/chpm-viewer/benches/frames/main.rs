@@ -10,6 +10,7 @@ mod cold;
 mod film;
 mod flat;
 mod moves;
+mod picks;
 mod plain;
 mod shadows;
 
@@ -24,7 +25,7 @@ use std::sync::Arc;
 
 /// Triangles of a cluster, unless there are to be many clusters.
 const USUAL: u32 = 4096;
-const PARTS: &str = "clusters, flat, moves, calm, cold, shadows";
+const PARTS: &str = "clusters, flat, moves, calm, cold, shadows, picks";
 
 fn main() -> Result<(), Box<dyn Error>> {
     // Cargo's own arguments start with dashes.
@@ -44,6 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         "calm" => calm::run(&gpu, &file(Shape::Terrain, 1_000_000, USUAL)?),
         "cold" => cold::run(&gpu, &file(Shape::Isosurface, 4_000_000, USUAL)?),
         "moves" => moves::run(&gpu, &file(Shape::Isosurface, 1_000_000, USUAL)?),
+        "picks" => picks::run(&gpu, &file(Shape::Isosurface, 4_000_000, USUAL)?),
         "shadows" => shadows::run(&gpu, &file(Shape::Isosurface, 4_000_000, USUAL)?),
         other => Err(format!("no part '{other}': there are {PARTS}").into()),
     }

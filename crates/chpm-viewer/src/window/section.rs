@@ -387,7 +387,8 @@ mod tests {
         sections.want(Some(cutting(0.0)));
         sections.hear(cutting(0.0), Ok(square()));
         // Just above the square, looking along it: half of it lies behind.
-        let camera = Camera { fov: 90.0, ..Camera::looking([0.0, 0.0, 0.1], [10.0, 0.0, 0.0]) };
+        let camera = Camera::looking([0.0, 0.0, 0.1], [10.0, 0.0, 0.0]);
+        let camera = Camera { fov: 90.0, up: [0.0, 0.0, 1.0], ..camera };
         let (lines, meshes) = drawn(&sections, &camera);
         let points = lines.iter().flatten().chain(
             meshes
