@@ -25,6 +25,8 @@ export PATH="$PATH:$PWD/target/tools/bin"
 # Mesa looks for a folder of the session; any will do.
 export XDG_RUNTIME_DIR="${XDG_RUNTIME_DIR:-/tmp}"
 
+has_macos() { command -v cargo-zigbuild >/dev/null && rustup target list --installed 2>/dev/null | grep -q '^aarch64-apple-darwin$'; }
+
 # What draws; left out where there is no driver for it.
 draws=(integration::render:: integration::window:: integration::couple:: integration::shadows:: sheets_are_drawn a_picture_says_what_it_lacks every_key_is_documented_and_appears
     every_example_of_the_help_runs every_command_of_the_pages_runs)
@@ -39,6 +41,8 @@ part "format" cargo fmt --all --check
 part "lints" cargo clippy --workspace --all-targets --locked -- -D warnings
 part "lints without the viewer" cargo clippy -p chpm --no-default-features --all-targets --locked -- -D warnings
 part "documentation" env RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked
+# As far as a compiler goes without Apple's libraries.
+if has_macos; then part "macOS" bash tests/targets.sh aarch64-apple-darwin; fi
 part "compile" cargo test "${packages[@]}" --locked --no-run
 part "tests" cargo test "${packages[@]}" --locked --no-fail-fast -- ${without[@]+"${without[@]}"}
 # The Python package, where there is Python; a workspace of its own.

@@ -7,7 +7,7 @@
 #   x86_64-unknown-linux-musl     pip install cargo-zigbuild
 #   aarch64-unknown-linux-gnu     Debian's g++-aarch64-linux-gnu, qemu-user
 #   x86_64-pc-windows-gnu         Debian's mingw-w64, wine64
-#   aarch64-apple-darwin, x86_64-apple-darwin: only when named; all of the workspace is compiled, viewer included, and not linked.
+#   aarch64-apple-darwin, x86_64-apple-darwin: only when named, the first by tests/all.sh; all of the workspace is compiled, viewer included, and not linked.
 #                                 pip install cargo-zigbuild
 set -euo pipefail
 cd "$(dirname "$0")/.."

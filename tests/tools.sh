@@ -89,3 +89,11 @@ if has_venv && ! runs_workflows; then
     { python3 -m venv --clear target/tools && target/tools/bin/pip install --quiet --disable-pip-version-check --requirement tests/snakemake.txt; } ||
         lacks "snakemake" "python3 -m venv target/tools && target/tools/bin/pip install snakemake" "the workflow"
 fi
+
+# The compiler of C for macOS, and Rust's library for it. Without them the workspace is not compiled for macOS, which no test needs.
+if has_venv && has rustup && [ ! -x target/tools/bin/cargo-zigbuild ]; then
+    { [ -x target/tools/bin/pip ] || python3 -m venv target/tools; } &&
+        target/tools/bin/pip install --quiet --disable-pip-version-check --requirement tests/zig.txt &&
+        rustup target add aarch64-apple-darwin ||
+        echo "macOS is not compiled for: no zig, or no library of Rust for it" >&2
+fi
