@@ -29,6 +29,25 @@ impl SourceArgs {
         self.sources.first().map_or(Path::new(""), PathBuf::as_path)
     }
 
+    /// All of them.
+    pub(crate) fn all(&self) -> &[PathBuf] {
+        &self.sources
+    }
+
+    /// How near vertices of several sources are joined.
+    ///
+    /// # Errors
+    /// Where there is only one.
+    pub(crate) fn weld(&self) -> Result<Option<f64>> {
+        if let (Some(one), Some(_)) = (self.only(), self.weld) {
+            bail!(
+                "--weld joins several sources, and '{}' is one: a .tiles list has its distance in its first line",
+                one.display()
+            );
+        }
+        Ok(self.weld)
+    }
+
     /// The only one; nothing where there are several.
     pub(crate) fn only(&self) -> Option<&Path> {
         if let [one] = self.sources.as_slice() { Some(one) } else { None }
@@ -39,12 +58,8 @@ impl SourceArgs {
     /// # Errors
     /// A name that a list cannot have, a list that is there with other tiles, unless `force` replaces it.
     pub(crate) fn source(&self, output: &Path, force: bool) -> Result<PathBuf> {
+        let weld = self.weld()?;
         if let Some(one) = self.only() {
-            ensure!(
-                self.weld.is_none(),
-                "--weld joins several sources, and '{}' is one: a .tiles list has its distance in its first line",
-                one.display()
-            );
             return Ok(one.to_owned());
         }
         let inputs: Vec<&Path> = self.sources.iter().map(PathBuf::as_path).collect();
@@ -54,7 +69,7 @@ impl SourceArgs {
             "the output '{shown}' is one of the sources; choose another name"
         );
         let list = output.with_extension("tiles");
-        let text = self.list(&list)?;
+        let text = self.list(&list, weld)?;
         match fs::read(&list) {
             Ok(there) if there == text.as_bytes() => return Ok(list),
             Ok(_) => ensure!(
@@ -71,10 +86,10 @@ impl SourceArgs {
     }
 
     /// The text of a list that is to lie at `list`.
-    fn list(&self, list: &Path) -> Result<String> {
+    fn list(&self, list: &Path, weld: Option<f64>) -> Result<String> {
         let folder = list.parent().unwrap_or(Path::new(""));
         let mut text = "tiles".to_owned();
-        if let Some(weld) = self.weld {
+        if let Some(weld) = weld {
             text += &format!(" weld {weld}");
         }
         text.push('\n');

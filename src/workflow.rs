@@ -20,7 +20,9 @@ pub(crate) enum Engine {
 
 /// A build that is to be written down.
 pub(crate) struct Workflow {
-    pub(crate) source: PathBuf,
+    /// The mesh, or tiles of one, and how near vertices of different tiles are joined.
+    pub(crate) sources: Vec<PathBuf>,
+    pub(crate) weld: Option<f64>,
     pub(crate) folder: PathBuf,
     pub(crate) output: PathBuf,
     pub(crate) parts: u32,
@@ -89,9 +91,11 @@ impl Workflow {
             Step::Plan => {
                 let settings: String =
                     self.settings.iter().map(|setting| format!(" {}", word_of(setting))).collect();
-                let (source, Workflow { parts, levels, .. }) = (word(&self.source), self);
+                let sources: String = self.sources.iter().map(|source| word(source) + " ").collect();
+                let weld = self.weld.map_or(String::new(), |weld| format!(" --weld {weld}"));
+                let Workflow { parts, levels, .. } = self;
                 format!(
-                    "stage plan {source} -o {folder} --parts {parts} --levels {levels}{settings} {resources}"
+                    "stage plan {sources}-o {folder}{weld} --parts {parts} --levels {levels}{settings} {resources}"
                 )
             }
             Step::Finish => format!("stage finish {folder} -o {} --force {resources}", word(&self.output)),
@@ -127,7 +131,10 @@ impl Workflow {
         format!(
             "# Builds {} from {} in {} parts, {} levels of which are simplified in parts: about {} triangles.\n#\n{how}\n",
             self.output.display(),
-            self.source.display(),
+            match self.sources.as_slice() {
+                [one] => one.display().to_string(),
+                several => format!("{} tiles", several.len()),
+            },
             self.parts,
             self.levels,
             self.triangles
@@ -150,8 +157,10 @@ impl Workflow {
             file(Step::Finish)
         );
         for phase in self.phases() {
-            let inputs = match phase.first {
-                Step::Plan => vec![quoted(&self.source.display().to_string())],
+            let inputs: Vec<String> = match phase.first {
+                Step::Plan => {
+                    self.sources.iter().map(|source| quoted(&source.display().to_string())).collect()
+                }
                 step => step.inputs(self.parts, self.levels).into_iter().map(file).collect(),
             };
             let (first, name) = (file(phase.first), &phase.name);
@@ -240,7 +249,8 @@ mod tests {
 
     fn workflow() -> Workflow {
         Workflow {
-            source: "a scan's.ply".into(),
+            sources: vec!["a scan's.ply".into(), "b.ply".into()],
+            weld: Some(0.25),
             folder: "w.stages".into(),
             output: "w.chpm".into(),
             parts: 3,
@@ -282,7 +292,12 @@ mod tests {
             let told = String::from_utf8_lossy(&run.stderr);
             assert!(run.status.success(), "{told}");
             assert_eq!(told.lines().count(), 11, "{told}");
-            assert!(told.contains("a scan'\\''s.ply") && told.contains("it'\\''s"), "{told}");
+            assert!(
+                told.contains("a scan'\\''s.ply")
+                    && told.contains("b.ply -o w.stages --weld 0.25")
+                    && told.contains("it'\\''s"),
+                "{told}"
+            );
             assert!(told.contains("_TASK_ID/3"), "{told}");
         }
     }

@@ -61,8 +61,8 @@ struct CheckArgs {
 
 #[derive(clap::Args, Debug)]
 struct WorkflowArgs {
-    /// The mesh
-    source: PathBuf,
+    #[command(flatten)]
+    sources: SourceArgs,
     /// The file to build; the folder of the steps lies beside it, as scan.stages for scan.chpm
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
@@ -284,7 +284,7 @@ fn check(args: &CheckArgs, stop: &Stop) -> Result<Verdict> {
 const BYTES_PER_TRIANGLE: u64 = 19;
 
 fn workflow(args: &WorkflowArgs) -> Result<Verdict> {
-    let WorkflowArgs { source, output, parts, levels, threads, memory, settings, .. } = args;
+    let WorkflowArgs { sources, output, parts, levels, threads, memory, settings, .. } = args;
     output::BUILD.check(output)?;
     // Settings that nobody would understand are refused now.
     #[derive(Parser)]
@@ -294,11 +294,15 @@ fn workflow(args: &WorkflowArgs) -> Result<Verdict> {
         settings: SettingsArgs,
     }
     let own = Own::try_parse_from(settings).map_err(config::flat)?.settings.settings()?;
-    let len = source.metadata().with_context(|| format!("cannot read '{}'", source.display()))?.len();
+    let lens = sources.all().iter().map(|source| {
+        Ok(source.metadata().with_context(|| format!("cannot read '{}'", source.display()))?.len())
+    });
+    let len: u64 = lens.sum::<Result<u64>>()?;
     let triangles = len / BYTES_PER_TRIANGLE;
     let leaves = (triangles / u64::from(own.cluster_triangles.max(1))).min(u64::from(u32::MAX)) as u32;
     let workflow = Workflow {
-        source: source.clone(),
+        sources: sources.all().to_vec(),
+        weld: sources.weld()?,
         folder: output.with_extension("stages"),
         output: output.clone(),
         parts: *parts,

@@ -215,11 +215,23 @@ fn snakemake_runs_the_steps() {
     let folder = Folder::new();
     folder.stdout("synth terrain --triangles 30000 --seed 4 -o model.ply -q");
     folder.stdout(&format!("build model.ply -o one.chpm -q {SMALL}"));
-    for parts in [1, 2, 4] {
-        let file = folder.stdout(&format!(
-            "stage workflow model.ply -o w.chpm --parts {parts} --levels 2 --threads 1 --memory 128M -- {SMALL}"
-        ));
-        folder.write("Snakefile", file);
+    // Two tiles, of which a name has a blank.
+    folder.stdout("synth isosurface --triangles 9000 -o other.ply -q");
+    fs::rename(folder.path("other.ply"), folder.path("the other.ply")).expect("a name");
+    fs::write(folder.path("both.tiles"), "tiles weld 0.0001\nmodel.ply\nthe other.ply\n").expect("a list");
+    folder.stdout(&format!("build both.tiles -o both.chpm -q {SMALL}"));
+    for (parts, sources, whole) in [
+        (1, &[][..], "one.chpm"),
+        (2, &[], "one.chpm"),
+        (4, &["the other.ply", "--weld=0.0001"], "both.chpm"),
+    ] {
+        let words = format!(
+            "stage workflow -o w.chpm --parts {parts} --levels 2 --threads 1 --memory 128M model.ply"
+        );
+        let settings = std::iter::once("--").chain(SMALL.split_whitespace());
+        let file = folder.command(&words).args(sources).args(settings).output().expect("a workflow");
+        assert!(file.status.success(), "{}", text(&file.stderr));
+        folder.write("Snakefile", file.stdout);
         let run = Command::new("snakemake")
             .current_dir(folder.path(""))
             .env("HOME", folder.path(""))
@@ -234,7 +246,7 @@ fn snakemake_runs_the_steps() {
             Err(error) => panic!("snakemake: {error}"),
         };
         assert!(output.status.success(), "{}", text(&output.stderr));
-        assert!(folder.read("w.chpm") == folder.read("one.chpm"), "{parts} parts");
+        assert!(folder.read("w.chpm") == folder.read(whole), "{parts} parts");
         fs::remove_dir_all(folder.path("w.stages")).expect("the folder");
         fs::remove_file(folder.path("w.chpm")).expect("the model");
     }

@@ -16,6 +16,8 @@ pub(super) struct Seen {
 
 /// Pixels of the longer side.
 const PIXELS: f64 = 160.0;
+/// Pixels that all triangles together may take, with what is in their boxes: a soup of large ones is seen with fewer.
+const MOST: f64 = (1 << 22) as f64;
 /// How much surface lies behind one unit of the picture, at most: what is seen edge-on is not seen.
 const STEEPEST: f64 = 4.0;
 
@@ -38,6 +40,16 @@ pub(super) fn look(outline: &Outline, sight: Vector3<f64>) -> Seen {
     if !(pixel > 0.0 && pixel.is_finite()) {
         return Seen::default();
     }
+    let boxes = outline.triangles().map(|corners| {
+        let at = corners.map(|corner| flat(&corner, &axes));
+        let sides = [0, 1].map(|axis| {
+            let [a, b, c] = at.map(|p| p[axis]);
+            a.max(b).max(c) - a.min(b).min(c)
+        });
+        sides[0] * sides[1]
+    });
+    let taken = boxes.sum::<f64>() / (pixel * pixel);
+    let pixel = pixel * (taken / MOST).max(1.0).sqrt();
     let [width, height] = size.map(|side| (side / pixel).ceil().max(1.0) as usize);
 
     // For each pixel the nearest depth, and the surface behind a unit of it.
@@ -122,5 +134,16 @@ mod tests {
             "{seen:?}"
         );
         assert_eq!(look(&Outline::default(), Vector3::x()), Seen::default());
+    }
+
+    #[test]
+    fn a_soup_of_large_triangles_is_seen_with_fewer_pixels() {
+        // Each over half of a square, one behind the other.
+        let points: Vec<[f32; 3]> = (0..6000_u16)
+            .flat_map(|n| [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(|[x, y]| [x, y, f32::from(n)]))
+            .collect();
+        let triangles: Vec<[u32; 3]> = (0..6000).map(|n| [3 * n, 3 * n + 1, 3 * n + 2]).collect();
+        let seen = look(&Outline::of_mesh(&points, &triangles), Vector3::z());
+        assert!((seen.silhouette - 0.5).abs() < 0.05, "{seen:?}");
     }
 }
