@@ -9,6 +9,7 @@ import { Overlay, length, readNotes, scaleBar } from "./overlay.js";
 import { $, offer, settings, tellDrawn, tellOutline } from "./panel.js";
 import { pick } from "./pick.js";
 import { Renderer } from "./renderer.js";
+import { isWorker } from "./worker.js";
 
 /** Whether this is a phone, or something like it: few bytes of graphics memory, and little to cool it. */
 function isSmall() {
@@ -68,7 +69,8 @@ function draw(now) {
 }
 
 function again() {
-  if (scheduled) return;
+  // Nobody sees a page that is hidden: it goes on when it is shown.
+  if (scheduled || document.hidden) return;
   scheduled = true;
   requestAnimationFrame(draw);
 }
@@ -263,6 +265,7 @@ function listen() {
   $("measure").addEventListener("click", () => measure(!isMeasuring));
   $("turn").addEventListener("click", () => spin(spun === null));
   $("full").addEventListener("click", fullScreen);
+  document.addEventListener("visibilitychange", () => document.hidden || changed());
   document.addEventListener("fullscreenchange", () => press("full", Boolean(document.fullscreenElement)));
   $("note-close").addEventListener("click", () => ($("note").hidden = true));
   addEventListener("keydown", (event) => {
@@ -317,4 +320,4 @@ function start() {
   else tell("empty", "Open a .chpm file, or drop one here. A page's address may name one: view.html?file=model.chpm");
 }
 
-start();
+if (!isWorker) start();
