@@ -78,7 +78,7 @@ export function tellOutline(found) {
   $("save").disabled = !found;
   const of = found?.error > 0 ? `within ${length(found.error)} units of the source` : "on the source";
   list($("outline"), found ? { outline: `${length(found.length)} units`, area: `${length(found.area)} square units`, lines: linesOf(found), points: of } : {});
-  $("outline-note").textContent = found?.error > 0 ? "The drawn mesh is cut. Nothing bounds how far the source's own outline is from this one; chpm section cuts the source." : "";
+  $("outline-note").textContent = found?.error > 0 ? "The drawn mesh is cut. Nothing bounds how far the source's own outline is from this one; chpm section cuts the finest mesh." : "";
 }
 
 function linesOf({ lines, closed, openEnds }) {
