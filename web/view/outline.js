@@ -62,7 +62,7 @@ export class Outline {
     if (isBefore) {
       context.fillStyle = fill;
       context.fill(closed, "evenodd");
-      context.fillStyle = hatch(context, stroke, ratio);
+      context.fillStyle = this.#hatch(context, stroke, ratio);
       context.fill(closed, "evenodd");
     }
     context.globalAlpha = isBefore ? 1 : 0.3;
@@ -108,20 +108,22 @@ export class Outline {
     }
     return paths;
   }
-}
-
-/** Lines at 45 degrees, as cuts are filled on drawings. */
-function hatch(context, style, ratio) {
-  const side = Math.round(HATCH * ratio);
-  const tile = new OffscreenCanvas(side, side);
-  const lines = tile.getContext("2d");
-  Object.assign(lines, { strokeStyle: style, lineWidth: 0.8 * ratio, globalAlpha: 0.55 });
-  for (const shift of [-side, 0, side]) {
-    lines.moveTo(shift - 1, side + 1);
-    lines.lineTo(shift + side + 1, -1);
+  /** Lines at 45 degrees, as cuts are filled on drawings; made once for each style. */
+  #hatch(context, style, ratio) {
+    const name = `${style} ${ratio}`;
+    if (this.hatched?.name === name) return this.hatched.pattern;
+    const side = Math.round(HATCH * ratio);
+    const tile = Object.assign(document.createElement("canvas"), { width: side, height: side });
+    const lines = tile.getContext("2d");
+    Object.assign(lines, { strokeStyle: style, lineWidth: 0.8 * ratio, globalAlpha: 0.55 });
+    for (const shift of [-side, 0, side]) {
+      lines.moveTo(shift - 1, side + 1);
+      lines.lineTo(shift + side + 1, -1);
+    }
+    lines.stroke();
+    const pattern = context.createPattern(tile, "repeat");
+    pattern.setTransform(new DOMMatrix().scale(1 / ratio));
+    this.hatched = { name, pattern };
+    return pattern;
   }
-  lines.stroke();
-  const pattern = context.createPattern(tile, "repeat");
-  pattern.setTransform(new DOMMatrix().scale(1 / ratio));
-  return pattern;
 }
