@@ -38,9 +38,9 @@ pub(crate) const FILES: &[WebFile] = web_files! {
     "text/html; charset=utf-8": "view.html";
     "text/css; charset=utf-8": "view/style.css";
     "text/javascript; charset=utf-8":
-        "view/colors.js", "view/facing.js", "view/glide.js", "view/line.js", "view/main.js", "view/model.js", "view/occlusion.js", "view/orbit.js",
-        "view/overlay.js", "view/painter.js", "view/panel.js", "view/pick.js", "view/renderer.js", "view/texture.js",
-        "chpm/index.js", "chpm/copies.js", "chpm/file.js", "chpm/frustum.js", "chpm/mesh.js", "chpm/packed.js", "chpm/page.js", "chpm/pieces.js", "chpm/prefetched.js", "chpm/records.js",
+        "view/colors.js", "view/drawing.js", "view/facing.js", "view/glide.js", "view/line.js", "view/main.js", "view/model.js", "view/nest.js", "view/occlusion.js", "view/orbit.js",
+        "view/outline.js", "view/overlay.js", "view/painter.js", "view/panel.js", "view/pick.js", "view/renderer.js", "view/section.js", "view/texture.js", "view/worker.js",
+        "chpm/index.js", "chpm/copies.js", "chpm/decoder.js", "chpm/file.js", "chpm/frustum.js", "chpm/mesh.js", "chpm/packed.js", "chpm/page.js", "chpm/pieces.js", "chpm/prefetched.js", "chpm/records.js",
         "chpm/regions.js", "chpm/select.js", "chpm/sheets.js", "chpm/source.js", "chpm/three.js", "chpm/xxh3.js", "chpm/zstd.js";
 };
 
@@ -90,7 +90,7 @@ pub(crate) fn page_for(file: &Chpm<MappedFile>, given: &Given) -> Result<String>
 pub(crate) fn whole_page(file: &Chpm<MappedFile>, given: &Given) -> Result<String> {
     let page = page_for(file, given)?;
     let style = format!("<style>\n{}</style>", text_of("view/style.css"));
-    let script = format!("<script type=\"module\">\n{}</script>", script());
+    let script = format!("<script type=\"module\" id=\"chpm-script\">\n{}</script>", script());
     let page = page.replacen("<link rel=\"stylesheet\" href=\"view/style.css\" />", &style, 1);
     Ok(page.replacen("<script type=\"module\" src=\"view/main.js\"></script>", &script, 1))
 }

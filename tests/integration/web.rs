@@ -438,6 +438,12 @@ fn the_reader_and_the_page_pass_their_tests() {
         "share.test.mjs",
         "tools.test.mjs",
         "package.test.mjs",
+        "section.test.mjs",
+        "outline.test.mjs",
+        "decoder.test.mjs",
+        "worker.test.mjs",
+        "tabs.test.mjs",
+        "contrast.test.mjs",
     ];
     let out = Command::new("node").current_dir(tests).env("CHPM", CHPM).arg("--test").args(names).output();
     let out = out.expect("a process");

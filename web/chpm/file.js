@@ -1,7 +1,6 @@
 // A .chpm file that is somewhere else: tables come chunk by chunk and pages run by run, each checked before it is used.
 
-import { unpack } from "./packed.js";
-import { readPage } from "./page.js";
+import { decode } from "./decoder.js";
 import { CHUNKS, CLUSTERS, GROUPS, MEMBERS, SCALARS, TEXELS, TEXTURES, expect, readCluster, readGroup, readHeader, readScalars, readSections, viewOf } from "./records.js";
 import { Sheets } from "./sheets.js";
 import { ChpmError, readExactly, readSound } from "./source.js";
@@ -86,10 +85,12 @@ export class ChpmFile {
   #groups = new Map();
   #texels = new Map();
   #zstd;
+  #decoder;
 
   /** @private */
-  constructor(source, header, sections, tables, zstd) {
+  constructor(source, header, sections, tables, zstd, decoder) {
     this.#zstd = zstd;
+    this.#decoder = decoder;
     this.#source = source;
     this.#tables = tables;
     this.#pages = sections.get(6);
@@ -218,9 +219,13 @@ export class ChpmFile {
       const start = clusters[0].pageOffset;
       const end = clusters.at(-1).pageOffset + clusters.at(-1).pageLength;
       const bytes = await readExactly(this.#source, start, end - start, "a page", signal);
-      for (const cluster of clusters) {
-        const at = cluster.pageOffset - start;
-        take(await this.#soundPage(cluster, bytes.subarray(at, at + cluster.pageLength), signal));
+      const here = (cluster) => () => decode(this.header, cluster, bytes.subarray(cluster.pageOffset - start, cluster.pageOffset - start + cluster.pageLength), this.#zstd);
+      const pages = this.#decoder?.isReady ? this.#decoder.pages(this.header, clusters, start, bytes) : null;
+      for (const [i, cluster] of clusters.entries()) {
+        const page = await this.#soundPage(cluster, pages ? () => pages[i] : here(cluster), signal);
+        // A worker takes its time.
+        signal?.throwIfAborted();
+        take(page);
       }
     }
   }
@@ -233,20 +238,14 @@ export class ChpmFile {
   }
 
   /** A page of bytes that came; as {@link readSound} does, where they are not what they should be. */
-  async #soundPage(cluster, bytes, signal) {
+  async #soundPage(cluster, look, signal) {
     try {
-      return this.#page(cluster, bytes);
+      return await look();
     } catch (error) {
       if (!(error instanceof ChpmError)) throw error;
-      return this.#page(cluster, await readExactly(this.#source, cluster.pageOffset, cluster.pageLength, "a page", signal, true));
+      const bytes = await readExactly(this.#source, cluster.pageOffset, cluster.pageLength, "a page", signal, true);
+      return decode(this.header, cluster, bytes, this.#zstd);
     }
-  }
-
-  #page(cluster, bytes) {
-    const { id, pageChecksum } = cluster;
-    expect(xxh3(bytes) === pageChecksum, () => `the page of cluster ${id} is damaged: its checksum is another one`);
-    if (!cluster.isPacked) return readPage(this.header, cluster, bytes);
-    return readPage(this.header, cluster, unpack(this.header, cluster, bytes, this.#zstd));
   }
 
   /** Ids of the clusters that nothing coarser stands for. */
@@ -271,10 +270,11 @@ export class ChpmFile {
  * Opens a file: its header, and what leads to its tables.
  * @param source {@link httpSource}, {@link blobSource}, {@link memorySource} or anything alike
  * @param options.zstd expands a frame of zstd to at most so many bytes, where something is at hand that is faster than the reader's own
+ * @param options.decoder has pages expanded and checked by a worker
  */
-export async function open(source, { signal, first = FIRST, zstd = expand } = {}) {
+export async function open(source, { signal, first = FIRST, zstd = expand, decoder = null } = {}) {
   try {
-    return await begin(source, signal, Math.max(first, 4096), zstd);
+    return await begin(source, signal, Math.max(first, 4096), zstd, decoder);
   } catch (error) {
     if (error instanceof ChpmError && !error.message.startsWith(source.name)) {
       throw new ChpmError(`${source.name}: ${error.message}`, { cause: error, isLost: error.isLost });
@@ -283,7 +283,7 @@ export async function open(source, { signal, first = FIRST, zstd = expand } = {}
   }
 }
 
-async function begin(source, signal, first, zstd) {
+async function begin(source, signal, first, zstd, decoder) {
   const bytes = await source.read(0, first, signal);
   const header = readHeader(bytes, xxh3);
   const size = await source.size();
@@ -309,7 +309,7 @@ async function begin(source, signal, first, zstd) {
   }
   for (const [name] of kinds) takeWhatCame(tables[name], 0, bytes);
   if (!chunks) await takeAll(source, kinds.map(([name]) => tables[name]), signal);
-  return new ChpmFile(source, header, sections, tables, zstd);
+  return new ChpmFile(source, header, sections, tables, zstd, decoder);
 }
 
 /** Chunks that are among some bytes of the file. */

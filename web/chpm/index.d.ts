@@ -203,8 +203,22 @@ export class ChpmFile {
 /** Expands a frame of zstd; what comes out is at most `most` bytes long, or the frame is damaged. */
 export type Zstd = (frame: Uint8Array, most: number) => Uint8Array;
 
-/** Opens a file. `first` bytes are fetched at once, 32 KiB if not told otherwise. `zstd` is for packed pages; the reader has one of its own. */
-export function open(source: Source, options?: { signal?: AbortSignal; first?: number; zstd?: Zstd }): Promise<ChpmFile>;
+/** Has pages expanded and checked by a worker that runs {@link answerPages}. Until that has answered, and where it fails, it is done without. */
+export class Decoder {
+  constructor(worker: Worker);
+  /** Whether the worker is there. */
+  readonly isReady: boolean;
+  /** How many pages it has sent. */
+  readonly come: number;
+}
+/** What a worker runs, with its global scope. `prepare` may put more on each page. */
+export function answerPages(scope: unknown, prepare?: (page: Page) => void): void;
+
+/**
+ * Opens a file. `first` bytes are fetched at once, 32 KiB if not told otherwise. `zstd` is for packed pages; the reader has one of its own. With a `decoder` what `source.read`
+ * gives is given away: it must not be read again.
+ */
+export function open(source: Source, options?: { signal?: AbortSignal; first?: number; zstd?: Zstd; decoder?: Decoder | null }): Promise<ChpmFile>;
 
 /** Spheres and boxes of groups with all that is below; of a file with all of its tables. */
 export class Regions {

@@ -1,6 +1,7 @@
 // A reader of .chpm files for browsers and for Node.js: plain modules, nothing to build.
 
 export { Copies } from "./copies.js";
+export { Decoder, answerPages } from "./decoder.js";
 export { ChpmFile, open } from "./file.js";
 export { extract } from "./mesh.js";
 export { Page } from "./page.js";

@@ -219,6 +219,22 @@ class Around {
   }
 }
 
+/** Puts on a page, as `facing`, which way its vertices face by its own normals or triangles. What clusters share needs more: see {@link Borders}. */
+export function faceAlone(page) {
+  const { vertexCount } = page.cluster;
+  page.facing = new Int16Array(4 * vertexCount);
+  if (!page.normals) {
+    const around = new Around(vertexCount);
+    around.add(page, Int32Array.from({ length: vertexCount }, (_, vertex) => vertex));
+    around.facing().forEach((x, i) => (page.facing[i] = Math.round(32767 * x)));
+    return;
+  }
+  for (let vertex = 0; vertex < vertexCount; vertex++) {
+    const facing = found(normalized(page.normals, 3 * vertex, FOUND, 0) > 0, TOWARD);
+    for (let i = 0; i < 4; i++) page.facing[4 * vertex + i] = Math.round(32767 * facing[i]);
+  }
+}
+
 /** What is known of the vertices that clusters share; the same for all of them, whichever are drawn. */
 export class Borders {
   /** `pageOf` answers the page of a cluster that is there. */
@@ -232,25 +248,18 @@ export class Borders {
    */
   of(page) {
     const { vertexCount, baseVertexCount, group } = page.cluster;
-    const array = new Int16Array(4 * vertexCount);
-    if (page.normals) {
-      for (let vertex = 0; vertex < vertexCount; vertex++) {
-        const facing = found(normalized(page.normals, 3 * vertex, FOUND, 0) > 0, TOWARD);
-        for (let i = 0; i < 4; i++) array[4 * vertex + i] = Math.round(32767 * facing[i]);
-      }
-      return { array, turned: vertexCount };
-    }
+    if (!page.facing) faceAlone(page);
+    const array = page.facing;
+    if (page.normals) return { array, turned: vertexCount };
     this.#learn(this.#above(page.cluster));
     const ids = page.ids();
     if (ids.subarray(baseVertexCount).some((id) => id >= 0)) this.#learn({ groupBorders: group });
-    const around = new Around(vertexCount);
-    around.add(page, Int32Array.from(ids, (id, vertex) => (this.known.has(id) ? -1 : vertex)));
-    const own = around.facing();
     let turned = vertexCount;
     for (let vertex = 0; vertex < vertexCount; vertex++) {
-      const known = ids[vertex] >= 0 ? this.known.get(ids[vertex]) : undefined;
-      if (!known && ids[vertex] >= 0) turned = Math.min(turned, vertex);
-      for (let i = 0; i < 4; i++) array[4 * vertex + i] = Math.round(32767 * (known ? known[i] : own[4 * vertex + i]));
+      if (ids[vertex] < 0) continue;
+      const known = this.known.get(ids[vertex]);
+      if (!known) turned = Math.min(turned, vertex);
+      else for (let i = 0; i < 4; i++) array[4 * vertex + i] = Math.round(32767 * known[i]);
     }
     return { array, turned };
   }

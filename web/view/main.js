@@ -1,12 +1,15 @@
 // The page: opens a model, draws it when something changes, and tells what is drawn.
 
 import { blobSource, httpSource, piecesSource, prefetched } from "../chpm/index.js";
+import { planeName, svg } from "./drawing.js";
 import { Model } from "./model.js";
 import { Orbit } from "./orbit.js";
+import { Outline } from "./outline.js";
 import { Overlay, length, readNotes, scaleBar } from "./overlay.js";
-import { $, offer, settings, tellDrawn } from "./panel.js";
+import { $, offer, settings, tellDrawn, tellOutline } from "./panel.js";
 import { pick } from "./pick.js";
 import { Renderer } from "./renderer.js";
+import { isWorker } from "./worker.js";
 
 /** Whether this is a phone, or something like it: few bytes of graphics memory, and little to cool it. */
 function isSmall() {
@@ -21,6 +24,7 @@ const SPEED = 0.35;
 
 let renderer;
 let overlay;
+let outline;
 let model = null;
 let shown = null;
 let scheduled = false;
@@ -31,7 +35,7 @@ let isMeasuring = false;
 let spun = null;
 
 /** For tests, and for whoever embeds the page: what happens, and what is drawn. */
-const state = { status: "empty", message: "", get drawn() { return last; }, get model() { return model; }, get marks() { return overlay.marks; }, orbit: null };
+const state = { status: "empty", message: "", get drawn() { return last; }, get model() { return model; }, get marks() { return overlay.marks; }, get outline() { return outline.found; }, orbit: null };
 globalThis.chpmView = state;
 
 function tell(status, message = "") {
@@ -50,6 +54,11 @@ function draw(now) {
   const rest = isAtRest && spun === null;
   last = model.draw(state.orbit, { ...look, rest });
   overlay.place(state.orbit, model.place.stretch);
+  // A turntable never rests: the first outline that can be had is the one that turns.
+  const isCalm = rest || (spun !== null && last.settled && !outline.found);
+  const plane = model.clipOf(look.clip);
+  outline.follow(plane, plane && isCalm ? drawnParts() : null);
+  outline.draw(state.orbit, model.place.stretch);
   scale();
   const isSame = !last.settling && (look.colors !== "error" || before?.error === last.error);
   if (spun !== null) return void ((spun = now), again(), tellDrawn(model, last));
@@ -60,13 +69,23 @@ function draw(now) {
 }
 
 function again() {
-  if (scheduled) return;
+  // Nobody sees a page that is hidden: it goes on when it is shown.
+  if (scheduled || document.hidden) return;
   scheduled = true;
   requestAnimationFrame(draw);
 }
 
+/** Pages of all of the drawn cut, whatever of it is in the image, and the positions that they are at. */
+function drawnParts() {
+  return last.cut.map(({ cluster, bound }) => {
+    const page = renderer.page(cluster);
+    return { page, position: page.position(bound) };
+  });
+}
+
 function changed() {
   isAtRest = false;
+  if (spun === null) outline.disturb();
   if (state.status === "settled") tell("loading");
   again();
 }
@@ -99,6 +118,7 @@ async function show(source, name, seen, keep = false) {
   last = null;
   shown = [source, name, seen];
   overlay.clear();
+  outline.clear();
   $("title").textContent = name;
   $("credit").textContent = seen?.credit ?? "";
   document.title = seen?.title ?? `${name} - chpm`;
@@ -175,6 +195,20 @@ function at(x, y) {
   return pick(blocks, unstretched(state.orbit.eye()), unstretched(state.orbit.ray(x, y)), isKept);
 }
 
+/** Hands the outline out as a drawing. */
+function save() {
+  const { found } = outline;
+  if (!found) return;
+  const { origin } = model.file.header;
+  const name = `${shown[1].split("/").at(-1).replace(/\.chpm$/, "")}, ${planeName(found.plane, origin)}`;
+  const about = found.error > 0 ? `; a coarse mesh, points within ${length(found.error)} of the source` : "";
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(new Blob([svg(found, name + about, origin)], { type: "image/svg+xml" }));
+  link.download = `${name.replace(/[^\p{L}\p{N}.,-]+/gu, "_")}.svg`;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 60000);
+}
+
 const press = (id, is) => $(id).setAttribute("aria-pressed", is);
 
 function measure(is) {
@@ -221,7 +255,8 @@ function listen() {
   });
   const inputs = ["pixels", "budget", "colors", "shading", "light", "clip", "clip-at", "clip-flip"];
   for (const id of inputs) $(id).addEventListener("input", () => (tellDrawn(model, last), changed()));
-  $("theme").addEventListener("input", () => (document.documentElement.style.colorScheme = $("theme").value));
+  $("save").addEventListener("click", save);
+  $("theme").addEventListener("input", () => ((document.documentElement.style.colorScheme = $("theme").value), changed()));
   $("up").addEventListener("input", () => {
     state.orbit.up = $("up").value;
     changed();
@@ -230,6 +265,7 @@ function listen() {
   $("measure").addEventListener("click", () => measure(!isMeasuring));
   $("turn").addEventListener("click", () => spin(spun === null));
   $("full").addEventListener("click", fullScreen);
+  document.addEventListener("visibilitychange", () => document.hidden || changed());
   document.addEventListener("fullscreenchange", () => press("full", Boolean(document.fullscreenElement)));
   $("note-close").addEventListener("click", () => ($("note").hidden = true));
   addEventListener("keydown", (event) => {
@@ -257,6 +293,7 @@ function listen() {
 
 function start() {
   overlay = new Overlay($("over"), $("line"), $("measured"));
+  outline = new Outline($("cut"), (found) => (tellOutline(found), found && again()));
   try {
     renderer = new Renderer($("canvas"));
   } catch (error) {
@@ -283,4 +320,4 @@ function start() {
   else tell("empty", "Open a .chpm file, or drop one here. A page's address may name one: view.html?file=model.chpm");
 }
 
-start();
+if (!isWorker) start();

@@ -6,6 +6,7 @@ import { Borders } from "./facing.js";
 import { Glide } from "./glide.js";
 import { Line } from "./line.js";
 import { Painter } from "./painter.js";
+import { decoderOfPage } from "./worker.js";
 
 /** Requests that are under way at once; they share the line, and none waits for the answer of another. */
 const AT_ONCE = 3;
@@ -44,7 +45,8 @@ export class Model {
   }
 
   async #begin({ points, stretch = [1, 1, 1] }, signal) {
-    this.file = await open(this.source, { signal });
+    this.decoder = decoderOfPage();
+    this.file = await open(this.source, { signal, decoder: this.decoder });
     this.roots = await this.file.roots(signal);
     const { boxMin, boxMax } = this.file.header;
     const [low, high] = [boxMin, boxMax].map((corner) => corner.map((x, axis) => x * stretch[axis]));

@@ -128,16 +128,20 @@ export class Orbit {
     return this.covered() / Math.max(this.canvas.clientWidth, 1);
   }
 
+  /** What the picture is taken with: the eye and its axes, pixels of CSS at distance 1, and the pixel that is straight ahead. */
+  lens() {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const unit = height / 2 / Math.tan((this.fov * Math.PI) / 360);
+    return { eye: this.eye(), axes: this.axes(), unit, middle: [(width / 2) * (1 + this.aside()), height / 2] };
+  }
+
   /** Where a point of the picture's coordinates is on the canvas, in pixels of CSS, and how far away; null behind the eye. */
   project(point) {
-    const [right, up, back] = this.axes();
-    const eye = this.eye();
+    const { eye, axes: [right, up, back], unit, middle } = this.lens();
     const way = point.map((x, axis) => x - eye[axis]);
     const far = -dot(way, back);
     if (!(far > 0)) return null;
-    const { clientWidth: width, clientHeight: height } = this.canvas;
-    const unit = height / 2 / (Math.tan((this.fov * Math.PI) / 360) * far);
-    return [width / 2 * (1 + this.aside()) + dot(way, right) * unit, height / 2 - dot(way, up) * unit, far];
+    return [middle[0] + (dot(way, right) * unit) / far, middle[1] - (dot(way, up) * unit) / far, far];
   }
 
   /** The direction of the ray through a point of the canvas. */

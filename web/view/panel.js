@@ -73,6 +73,19 @@ export function tellDrawn(model, last) {
   });
 }
 
+/** Tells what the clipping plane cuts, and how far that is from the source. */
+export function tellOutline(found) {
+  $("save").disabled = !found;
+  const of = found?.error > 0 ? `within ${length(found.error)} units of the source` : "on the source";
+  list($("outline"), found ? { outline: `${length(found.length)} units`, area: `${length(found.area)} square units`, lines: linesOf(found), points: of } : {});
+  $("outline-note").textContent = found?.error > 0 ? "The drawn mesh is cut. Nothing bounds how far the source's own outline is from this one; chpm section cuts the finest mesh." : "";
+}
+
+function linesOf({ lines, closed, openEnds }) {
+  if (lines.length === 0) return "none";
+  return openEnds === 0 ? `${whole.format(closed)}, all closed` : `${whole.format(lines.length)}, ${whole.format(openEnds)} open ends`;
+}
+
 /** Names and what is told of them. */
 function list(element, rows) {
   element.replaceChildren(
