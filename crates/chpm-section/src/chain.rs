@@ -16,13 +16,15 @@ pub(crate) type End = (usize, usize);
 const NONE: u32 = u32::MAX;
 
 /// Joins things into chains, as few as there can be, and hands each to `take`, with whether it is closed. Ends without a key stay open. Of more than two ends
-/// with one key, first ends go with second ones as far as there are such, in the order that `compare` gives them; of an odd number one stays open.
+/// with one key, first ends go with second ones as far as there are such, in the order that `compare` gives them; of an odd number one stays open. First ends go
+/// with first ones, and second ones with each other, only where none elsewhere can have the key (`waits`).
 pub(crate) fn chains<K: Ord + Copy>(
     ends: &[[Option<K>; 2]],
+    waits: impl Fn(K) -> bool,
     compare: impl Fn(End, End) -> Ordering,
     mut take: impl FnMut(&[Link], bool),
 ) {
-    let partner = partners(ends, compare);
+    let partner = partners(ends, waits, compare);
     let mut is_done = vec![false; ends.len()];
     let mut chain = Vec::new();
     let open = |end: &usize| partner[*end] == NONE;
@@ -52,7 +54,11 @@ pub(crate) fn chains<K: Ord + Copy>(
 }
 
 /// By end, twice the thing's number and one more for its second end: the end that it is joined with.
-fn partners<K: Ord + Copy>(ends: &[[Option<K>; 2]], compare: impl Fn(End, End) -> Ordering) -> Vec<u32> {
+fn partners<K: Ord + Copy>(
+    ends: &[[Option<K>; 2]],
+    waits: impl Fn(K) -> bool,
+    compare: impl Fn(End, End) -> Ordering,
+) -> Vec<u32> {
     let mut keyed: Vec<(K, u32)> = Vec::with_capacity(2 * ends.len());
     for (index, sides) in ends.iter().enumerate() {
         for (side, key) in sides.iter().enumerate() {
@@ -68,15 +74,18 @@ fn partners<K: Ord + Copy>(ends: &[[Option<K>; 2]], compare: impl Fn(End, End) -
     };
     for group in keyed.chunk_by(|a, b| a.0 == b.0) {
         match group {
-            [_] => {}
-            [(_, a), (_, b)] => join(*a, *b),
-            _ => {
+            [] | [_] => {}
+            [(_, a), (_, b)] if a % 2 != b % 2 => join(*a, *b),
+            [(key, _), ..] => {
                 let mut all: Vec<End> =
                     group.iter().map(|(_, end)| (*end as usize / 2, *end as usize % 2)).collect();
                 all.sort_by(|a, b| a.1.cmp(&b.1).then_with(|| compare(*a, *b)));
                 let all: Vec<u32> = all.iter().map(|(index, side)| (2 * index + side) as u32).collect();
                 let (first, second) = all.split_at(all.partition_point(|end| end % 2 == 0));
                 first.iter().zip(second).for_each(|(a, b)| join(*a, *b));
+                if waits(*key) {
+                    continue;
+                }
                 let both = first.len().min(second.len());
                 for rest in [&first[both..], &second[both..]] {
                     rest.chunks_exact(2).for_each(|pair| join(pair[0], pair[1]));
@@ -96,6 +105,7 @@ mod tests {
         let mut found = Vec::new();
         chains(
             &keys,
+            |key| key >= 100,
             |a, b| a.cmp(&b),
             |chain, is_closed| {
                 found.push((chain.iter().map(|link| (link.index, link.is_turned)).collect(), is_closed));
@@ -122,5 +132,8 @@ mod tests {
         // Three ends of which none begins: two go together.
         let three = of(&[[1, 0], [2, 0], [3, 0]]);
         assert_eq!(three, [(vec![(0, false), (1, true)], false), (vec![(2, false)], false)]);
+        // Those that somebody else may have wait for an end of the other kind.
+        assert_eq!(of(&[[100, 1], [100, 2]]), [(vec![(0, false)], false), (vec![(1, false)], false)]);
+        assert_eq!(of(&[[100, 1], [2, 100]]), [(vec![(1, false), (0, false)], false)]);
     }
 }

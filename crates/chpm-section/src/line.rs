@@ -54,17 +54,22 @@ pub(crate) fn joined(parts: &[Part<'_>]) -> Vec<Line> {
         let by_place = open[a].from(i).partial_cmp(open[b].from(j)).unwrap_or(Ordering::Equal);
         by_place.then_with(|| open[a].ends[1 - i].cmp(&open[b].ends[1 - j]))
     };
-    chains(&ends, compare, |chain, is_closed| {
-        let mut points: Vec<[f64; 3]> = Vec::new();
-        for Link { index, is_turned } in chain {
-            for point in open[*index].from(usize::from(*is_turned)) {
-                if points.last() != Some(point) {
-                    points.push(*point);
+    chains(
+        &ends,
+        |_| false,
+        compare,
+        |chain, is_closed| {
+            let mut points: Vec<[f64; 3]> = Vec::new();
+            for Link { index, is_turned } in chain {
+                for point in open[*index].from(usize::from(*is_turned)) {
+                    if points.last() != Some(point) {
+                        points.push(*point);
+                    }
                 }
             }
-        }
-        lines.extend(Line::new(points, is_closed));
-    });
+            lines.extend(Line::new(points, is_closed));
+        },
+    );
     lines.sort_by(|a, b| order(&a.points, &b.points));
     lines
 }

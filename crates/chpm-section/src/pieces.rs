@@ -119,32 +119,39 @@ impl Segments<'_> {
             Some((self.point(page, end), edge))
         };
         let compare = |a: End, b: End| far(a).partial_cmp(&far(b)).unwrap_or(Ordering::Equal);
-        chains(&self.ends, compare, |chain, is_closed| {
-            let start = found.points.len();
-            let mut edges = chain.iter().flat_map(|link| {
-                let [a, b] = self.ends[link.index];
-                if link.is_turned { [b, a] } else { [a, b] }
-            });
-            let (mut first, mut last) = (None, None);
-            // Each segment but the first begins where the one before it ended.
-            for (number, end) in edges.by_ref().flatten().enumerate() {
-                first = first.or(Some(end));
-                last = Some(end);
-                if number == 0 || number % 2 == 1 {
-                    let point = self.point(page, end);
-                    if found.points[start..].last() != Some(&point) {
-                        found.points.push(point);
+        let is_shared = |edge: Edge| edge.iter().all(|vertex| ids[usize::from(*vertex)] != INTERIOR);
+        // Other clusters may have the edge, too: where many surfaces meet, each goes on where it is its own continuation.
+        chains(
+            &self.ends,
+            |(_, edge)| is_shared(edge),
+            compare,
+            |chain, is_closed| {
+                let start = found.points.len();
+                let mut edges = chain.iter().flat_map(|link| {
+                    let [a, b] = self.ends[link.index];
+                    if link.is_turned { [b, a] } else { [a, b] }
+                });
+                let (mut first, mut last) = (None, None);
+                // Each segment but the first begins where the one before it ended.
+                for (number, end) in edges.by_ref().flatten().enumerate() {
+                    first = first.or(Some(end));
+                    last = Some(end);
+                    if number == 0 || number % 2 == 1 {
+                        let point = self.point(page, end);
+                        if found.points[start..].last() != Some(&point) {
+                            found.points.push(point);
+                        }
                     }
                 }
-            }
-            let shared = |end: Option<(u32, Edge)>| {
-                let edge = end?.1.map(|vertex| ids[usize::from(vertex)]);
-                (!is_closed && !edge.contains(&INTERIOR)).then_some(edge)
-            };
-            let plane = first.map_or(0, |(plane, _)| plane);
-            let ends = [shared(first), shared(last)];
-            found.pieces.push(Piece { plane, points: start..found.points.len(), ends, is_closed });
-        });
+                let shared = |end: Option<(u32, Edge)>| {
+                    let (_, edge) = end.filter(|_| !is_closed)?;
+                    is_shared(edge).then(|| edge.map(|vertex| ids[usize::from(vertex)]))
+                };
+                let plane = first.map_or(0, |(plane, _)| plane);
+                let ends = [shared(first), shared(last)];
+                found.pieces.push(Piece { plane, points: start..found.points.len(), ends, is_closed });
+            },
+        );
         found
     }
 

@@ -165,6 +165,59 @@ fn closed_surfaces_have_closed_lines() {
     assert!(closed.into_inner() >= 8);
 }
 
+/// Area that all triangles together go around, as each is turned: of a surface that nowhere crosses itself, that of its inside.
+fn turned_area(mesh: &TriMesh, planes: &Planes, offset: f64) -> f64 {
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let mut sum = 0.0;
+    for corners in &mesh.triangles {
+        let corners = mesh.corners(*corners).map(|corner| corner.map(f64::from));
+        let height = |i: usize| dot(planes.normal(), corners[i % 3]);
+        let end = |goes: &dyn Fn(usize) -> bool| {
+            let i = (0..3).find(|i| goes(*i))?;
+            let t = (offset - height(i)) / (height(i + 1) - height(i));
+            let [a, b] = [corners[i], corners[(i + 1) % 3]];
+            let point: [f64; 3] = [0, 1, 2].map(|axis| a[axis] + t * (b[axis] - a[axis]));
+            Some(planes.axes().map(|axis| dot(axis, point)))
+        };
+        let from = end(&|i| height(i) >= offset && height(i + 1) < offset);
+        let to = end(&|i| height(i) < offset && height(i + 1) >= offset);
+        if let (Some([a, b]), Some([c, d])) = (from, to) {
+            sum += (a * d - b * c) / 2.0;
+        }
+    }
+    sum
+}
+
+#[test]
+fn where_lines_touch_each_encloses_its_own() {
+    let case = CASES.iter().find(|case| case.name == "voxels").unwrap();
+    let file = built(&case.mesh(20_000), Layout::VertexCache);
+    let mesh = extract(&file, &Cut::at_level(&file, Level(0))).unwrap();
+    let mut touch = 0;
+    // Between the layers of cubes, across all three axes.
+    for axis in 0..3 {
+        let normal = std::array::from_fn(|a| if a == axis { 1.0 } else { 0.0 });
+        let heights = || mesh.positions.iter().map(|position| f64::from(position[axis]));
+        let [low, high] =
+            [heights().fold(f64::INFINITY, f64::min), heights().fold(f64::NEG_INFINITY, f64::max)];
+        let offsets = (0..(high - low) as u32).map(|layer| low + f64::from(layer) + 0.581).collect();
+        let planes = Planes::new(normal, offsets).unwrap();
+        for section in cut(&file, &planes) {
+            let expected = turned_area(&mesh, &planes, section.offset).abs();
+            let area = section.area();
+            assert!(
+                (area - expected).abs() < 1e-6 * expected,
+                "{normal:?} at {}: {area}, {expected}",
+                section.offset
+            );
+            let mut points: Vec<_> = section.lines.iter().flat_map(|line| &line.points).collect();
+            points.sort_by(|a, b| a.partial_cmp(b).unwrap());
+            touch += points.windows(2).filter(|pair| pair[0] == pair[1]).count();
+        }
+    }
+    assert!(touch > 10, "{touch}");
+}
+
 #[test]
 fn orders_of_pages_and_triangles_do_not_show() {
     CASES.par_iter().for_each(|case| {
