@@ -294,7 +294,7 @@ mod tests {
             assert_eq!(told.lines().count(), 11, "{told}");
             assert!(
                 told.contains("a scan'\\''s.ply")
-                    && told.contains("b.ply -o w.stages --weld 0.25")
+                    && told.contains("'b.ply' -o 'w.stages' --weld 0.25")
                     && told.contains("it'\\''s"),
                 "{told}"
             );

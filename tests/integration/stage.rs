@@ -218,8 +218,8 @@ fn snakemake_runs_the_steps() {
     // Two tiles, of which a name has a blank.
     folder.stdout("synth isosurface --triangles 9000 -o other.ply -q");
     fs::rename(folder.path("other.ply"), folder.path("the other.ply")).expect("a name");
-    fs::write(folder.path("both.tiles"), "tiles weld 0.0001\nmodel.ply\nthe other.ply\n").expect("a list");
-    folder.stdout(&format!("build both.tiles -o both.chpm -q {SMALL}"));
+    fs::write(folder.path("w.tiles"), "tiles weld 0.0001\nmodel.ply\nthe other.ply\n").expect("a list");
+    folder.stdout(&format!("build w.tiles -o both.chpm -q {SMALL}"));
     for (parts, sources, whole) in [
         (1, &[][..], "one.chpm"),
         (2, &[], "one.chpm"),
