@@ -108,6 +108,7 @@ fn threads_beyond_the_memory_are_not_used() {
         "export in.chpm --3dtiles out.3tz -f",
         "export in.chpm --meshlets out.meshlets -f",
         "rays in.chpm some.csv -o out.csv -qf",
+        #[cfg(feature = "viewer")]
         "render in.chpm --rays --ground --viewport 90x60 -o out.png -qf",
         "thickness in.chpm -o out.ply -qf",
         "visible in.chpm --from 0,0,9 -o out.ply -qf",
