@@ -98,8 +98,12 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let folder = OutputFolder::create(&args.output, args.force, &names, None)?;
     let model = folder.path(MODEL);
     let bytes = write_model(args, &model, stop)?;
-    let mut given =
-        Given { name: Some(MODEL.to_owned()), notes: notes.as_ref().map(|_| NOTES), pieces: None };
+    let mut given = Given {
+        title: title(&args.file),
+        name: Some(MODEL.to_owned()),
+        notes: notes.as_ref().map(|_| NOTES),
+        pieces: None,
+    };
     let pieces = args.split.then(|| split(&folder, &model, bytes, stop)).transpose()?;
     given.pieces = pieces.map(|(piece, _)| json!({ "folder": PIECES, "length": piece, "size": bytes }));
     folder.write(INDEX, whole_page(&open(&model)?, &given)?.as_bytes())?;
@@ -112,6 +116,13 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     folder.publish()?;
     output::finish(&args.output);
     tell(args, bytes, pieces.map(|(_, count)| count))
+}
+
+/// The title of a model that has none of its own: the name that somebody gave its file.
+fn title(path: &Path) -> Option<String> {
+    let stem =
+        if inputs::is_mesh(path) { inputs::stem(path).ok()? } else { path.file_stem()?.to_str()?.to_owned() };
+    (stem != "-").then_some(stem)
 }
 
 /// The notes of a file, if they are what they should be.

@@ -47,6 +47,8 @@ pub(crate) const FILES: &[WebFile] = web_files! {
 /// Facts that a page for one model is given beside the model itself.
 #[derive(Default)]
 pub(crate) struct Given {
+    /// The model's title, where its file has none.
+    pub(crate) title: Option<String>,
     /// The model's address, where the page's own does not tell it.
     pub(crate) name: Option<String>,
     /// Where its notes are, if it has any.
@@ -65,13 +67,14 @@ pub(crate) fn page_for(file: &Chpm<MappedFile>, given: &Given) -> Result<String>
     let sight: [f64; 3] = stance.sight().into();
     let stretch: [f64; 3] = portrait.stretch().into();
     let metadata = file.metadata().unwrap_or_default();
+    let title = metadata.setting(shown::TITLE).or(given.title.as_deref());
     let view = json!({
         "up": stance.up().to_string(),
         "sight": sight,
         "points": points,
         "stretch": stretch,
         "note": portrait.note(),
-        "title": metadata.setting(shown::TITLE),
+        "title": title,
         "credit": metadata.setting(shown::CREDIT),
         "background": metadata.setting(shown::BACKGROUND),
         "first": first(file),
@@ -81,8 +84,7 @@ pub(crate) fn page_for(file: &Chpm<MappedFile>, given: &Given) -> Result<String>
     let named =
         given.name.as_ref().map_or_else(String::new, |name| format!(" data-file=\"{}\"", escaped(name)));
     let body = format!("<body{named} data-view=\"{}\">", escaped(&view.to_string()));
-    let title = metadata.setting(shown::TITLE).unwrap_or("chpm");
-    let title = format!("<title>{}</title>", escaped(title));
+    let title = format!("<title>{}</title>", escaped(title.unwrap_or("chpm")));
     Ok(page_text().replacen("<body>", &body, 1).replacen("<title>chpm</title>", &title, 1))
 }
 

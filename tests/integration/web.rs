@@ -367,6 +367,17 @@ fn a_mesh_is_shared_by_one_command_as_it_is_to_be_shown() {
     folder.stdout("build in.ply -o plain.chpm -q --pages packed");
     folder.stdout("share plain.chpm -o plain -q");
     assert_eq!(folder.read("plain/model.chpm"), folder.read("plain.chpm"));
+    // Without a title the page has the name of the file that was shared.
+    fs::copy(folder.path("in.ply"), folder.path("a bust.scan.ply")).expect("a copy");
+    let done = folder.command("share -o named -q").arg("a bust.scan.ply").output().expect("a process");
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    for (site, title) in [("plain", "plain"), ("named", "a bust.scan")] {
+        let page = String::from_utf8(folder.read(&format!("{site}/index.html"))).expect("text");
+        assert!(
+            seen_first(&page)["title"] == title && page.contains(&format!("<title>{title}</title>")),
+            "{site}"
+        );
+    }
     let said = folder.stderr("share in.ply -o other -q --background blue", 2);
     assert!(said.contains("RRGGBB"), "{said}");
     assert!(!folder.path("other").exists());
