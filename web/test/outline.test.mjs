@@ -76,8 +76,8 @@ test("a cut is filled where it is closed, and told as the command tells it", { s
     assert.deepEqual([closed, openEnds], [2, 0]);
     assert.deepEqual(plane, [[0, 0, 1], 0]);
     const words = await page.locator("#clip-more").innerText();
-    const shown = (x) => new Intl.NumberFormat("en", { maximumSignificantDigits: 4 }).format(x);
-    for (const part of [`${shown(length)} units`, `${shown(area)} square units`, "2, all closed", `within ${shown(error)} units of the source`, "Nothing bounds"]) {
+    const shown = (x, roundingMode = "halfExpand") => new Intl.NumberFormat("en", { maximumSignificantDigits: 4, roundingMode }).format(x);
+    for (const part of [`${shown(length)} units`, `${shown(area)} square units`, "2, all closed", `within ${shown(error, "ceil")} units of the source`, "Nothing bounds"]) {
       assert.ok(words.includes(part), `${part} in ${words}`);
     }
     // Between the two circles, in the hole, and outside.

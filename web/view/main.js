@@ -5,7 +5,7 @@ import { planeName, svg } from "./drawing.js";
 import { Model } from "./model.js";
 import { Orbit } from "./orbit.js";
 import { Outline } from "./outline.js";
-import { Overlay, length, readNotes, scaleBar } from "./overlay.js";
+import { Overlay, atMost, length, readNotes, scaleBar } from "./overlay.js";
 import { $, offer, settings, tellDrawn, tellOutline } from "./panel.js";
 import { pick } from "./pick.js";
 import { Renderer } from "./renderer.js";
@@ -201,7 +201,7 @@ function save() {
   if (!found) return;
   const { origin } = model.file.header;
   const name = `${shown[1].split("/").at(-1).replace(/\.chpm$/, "")}, ${planeName(found.plane, origin)}`;
-  const about = found.error > 0 ? `; a coarse mesh, points within ${length(found.error)} of the source` : "";
+  const about = found.error > 0 ? `; a coarse mesh, points within ${atMost(found.error)} of the source` : "";
   const link = document.createElement("a");
   link.href = URL.createObjectURL(new Blob([svg(found, name + about, origin)], { type: "image/svg+xml" }));
   link.download = `${name.replace(/[^\p{L}\p{N}.,-]+/gu, "_")}.svg`;

@@ -1,9 +1,15 @@
 // What lies over the picture at points of the model: numbers with text, and the two ends of a measurement.
 
 /** A length as people write it. */
-const numbers = new Intl.NumberFormat("en", { maximumSignificantDigits: 4 });
-const powers = new Intl.NumberFormat("en", { notation: "scientific", maximumSignificantDigits: 3 });
-export const length = (x) => (x === 0 || (x >= 1e-4 && x < 1e9) ? numbers : powers).format(x);
+const formats = (options) => [
+  new Intl.NumberFormat("en", { maximumSignificantDigits: 4, ...options }),
+  new Intl.NumberFormat("en", { notation: "scientific", maximumSignificantDigits: 3, ...options }),
+];
+const [nearest, above] = [formats({}), formats({ roundingMode: "ceil" })];
+const written = ([numbers, powers], x) => (x === 0 || (x >= 1e-4 && x < 1e9) ? numbers : powers).format(x);
+export const length = (x) => written(nearest, x);
+/** A bound: what is told is never less than it. */
+export const atMost = (x) => written(above, x);
 
 export class Overlay {
   /**
@@ -62,10 +68,10 @@ export class Overlay {
   #tell() {
     const [a, b] = this.marks;
     if (!a) return void (this.told.textContent = "");
-    if (!b) return void (this.told.textContent = `one end: within ${length(a.error)} of the source. Now the other.`);
+    if (!b) return void (this.told.textContent = `one end: within ${atMost(a.error)} of the source. Now the other.`);
     const away = Math.hypot(...a.point.map((x, axis) => x - b.point[axis]));
-    const ends = a.error === b.error ? `${length(a.error)} each` : `${length(a.error)} and ${length(b.error)}`;
-    this.told.textContent = `${length(away)} units, within ${length(a.error + b.error)} (the ends within ${ends} of the source)`;
+    const ends = a.error === b.error ? `${atMost(a.error)} each` : `${atMost(a.error)} and ${atMost(b.error)}`;
+    this.told.textContent = `${length(away)} units, within ${atMost(a.error + b.error)} (the ends within ${ends} of the source)`;
   }
 
   /** Moves everything to where it is now. */

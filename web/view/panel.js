@@ -1,7 +1,7 @@
 // What the page tells in its panel, and what is set there.
 
 import { GRADIENT, distinct, viridis } from "./colors.js";
-import { length } from "./overlay.js";
+import { atMost, length } from "./overlay.js";
 
 export const $ = (id) => document.getElementById(id);
 const numbers = new Intl.NumberFormat("en", { maximumSignificantDigits: 3 });
@@ -42,7 +42,7 @@ export function settings(header, largest) {
 
 /** What the colours of numbers stand for. */
 function legend(colors, scalar, header, last) {
-  const [least, most] = scalar ? [length(scalar.low), length(scalar.high)] : ["0", { level: `level ${header.levelCount - 1}`, error: `${length(last.error)} units` }[colors]];
+  const [least, most] = scalar ? [length(scalar.low), length(scalar.high)] : ["0", { level: `level ${header.levelCount - 1}`, error: `${atMost(last.error)} units` }[colors]];
   $("legend").hidden = !most;
   $("legend-bar").style.background = GRADIENT;
   [$("legend-least").textContent, $("legend-most").textContent] = [least, most ?? ""];
@@ -68,7 +68,7 @@ export function tellDrawn(model, last) {
   list($("statistics"), {
     source: `${whole.format(header.sourceTriangleCount)} triangles`,
     drawn: `${whole.format(last.triangles)} triangles`,
-    error: `${length(last.error)} units`,
+    error: `${atMost(last.error)} units`,
     ...(last.relaxed > 1 && { allowed: `${numbers.format(pixels * last.relaxed)} px, to keep the budget` }),
   });
 }
@@ -76,7 +76,7 @@ export function tellDrawn(model, last) {
 /** Tells what the clipping plane cuts, and how far that is from the source. */
 export function tellOutline(found) {
   $("save").disabled = !found;
-  const of = found?.error > 0 ? `within ${length(found.error)} units of the source` : "on the source";
+  const of = found?.error > 0 ? `within ${atMost(found.error)} units of the source` : "on the source";
   list($("outline"), found ? { outline: `${length(found.length)} units`, area: `${length(found.area)} square units`, lines: linesOf(found), points: of } : {});
   $("outline-note").textContent = found?.error > 0 ? "The drawn mesh is cut. Nothing bounds how far the source's own outline is from this one; chpm section cuts the finest mesh." : "";
 }
