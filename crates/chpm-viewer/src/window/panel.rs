@@ -341,6 +341,9 @@ fn clip(ui: &mut Ui, settings: &mut Settings, about: &About<'_>) -> Option<Comma
     match about.section {
         Some(Known::Soon) => _ = ui.label(RichText::new("cutting ...").small().color(QUIET)),
         Some(Known::Fault(told)) => _ = ui.label(RichText::new(told).small().color(WARNING)),
+        Some(Known::Face(face)) if face.lines.is_empty() => {
+            ui.label(RichText::new("the plane cuts nothing").small().color(QUIET));
+        }
         Some(Known::Face(face)) => {
             let [length, area] = [face.length, face.area].map(six_digits);
             let open = match face.open_ends {
