@@ -7,7 +7,8 @@
 #   x86_64-unknown-linux-musl     pip install cargo-zigbuild
 #   aarch64-unknown-linux-gnu     Debian's g++-aarch64-linux-gnu, qemu-user
 #   x86_64-pc-windows-gnu         Debian's mingw-w64, wine64
-#   aarch64-apple-darwin, x86_64-apple-darwin: only when named, the first by tests/all.sh; all of the workspace is compiled, viewer included, and not linked.
+#   aarch64-apple-darwin, x86_64-apple-darwin: only when named, the first by tests/all.sh; all of the workspace is compiled, viewer included; with LINK=1 the command
+#                                 without its window is linked, too.
 #                                 pip install cargo-zigbuild
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -54,7 +55,12 @@ failed=0
 for target in "$@"; do
     if [[ $target == *-apple-darwin ]]; then
         if cargo-zigbuild check --quiet --workspace --locked --target "$target"; then
-            table+=("$target: compiles")
+            line="$target: compiles"
+            if [ "${LINK:-}" = 1 ]; then
+                cargo-zigbuild build --quiet "${features[@]}" --locked --target "$target"
+                line+="; the command without its window links"
+            fi
+            table+=("$line")
         else
             table+=("$target: does not compile")
             failed=1
