@@ -134,7 +134,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         screenshot: args.screenshot.clone(),
         memory: Memory::of_user(),
         recall: !args.fresh,
-        slice: Arc::new(Slicing { memory: args.memory }),
+        slice: Arc::new(Slicing { memory: Bytes(args.memory.0 / 4) }),
         prepare: Arc::new(Builder { overwrite: args.force, ..Builder::default() }),
         stop: {
             let cancel = cancel.clone();

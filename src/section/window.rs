@@ -14,7 +14,7 @@ use std::path::Path;
 
 /// Cuts what the window shows.
 pub(crate) struct Slicing {
-    /// For lines.
+    /// For lines, beside the pages that are drawn.
     pub(crate) memory: Bytes,
 }
 

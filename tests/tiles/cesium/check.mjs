@@ -4,16 +4,11 @@
 // boxes ask for, and that they have no crack. PLAIN is the folder of a tileset of the same file whose GLBs are not compressed: cracks are looked for in
 // the bits of those, in the tileset's own frame, since on the earth the last bits of a place are not there. OPTIONS are those of Cesium3DTileset, as
 // JSON; a set that has some is told of only. CHROMIUM names another browser, VIEWS another number of views, PICTURES a folder for a picture of each set.
-import { spawn } from "node:child_process";
-import { once } from "node:events";
-import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
-import { createServer } from "node:http";
-import { tmpdir } from "node:os";
-import { dirname, extname, join, normalize } from "node:path";
-import { fileURLToPath } from "node:url";
+import { readFileSync, writeFileSync } from "node:fs";
+import { join } from "node:path";
 import { outside, whole } from "../tileset.mjs";
+import { browse } from "./browse.mjs";
 
-const here = dirname(fileURLToPath(import.meta.url));
 const count = Number(process.env.VIEWS ?? 6);
 const sets = process.argv.slice(2).map((word) => {
   const [name, dir, plain, options] = word.split("=");
@@ -79,49 +74,15 @@ function openEdges(dir, names) {
   return [...edges].filter(([, count]) => count % 2 === 1).map(([edge]) => edge);
 }
 
-const TYPES = { ".html": "text/html", ".js": "text/javascript", ".json": "application/json", ".glb": "model/gltf-binary", ".css": "text/css", ".wasm": "application/wasm" };
 const roots = new Map(sets.map(({ name, dir }) => [name, whole(dir)]));
 const asked = Object.fromEntries(sets.map(({ name }) => [name, views(roots.get(name))]));
 
-/// Serves the page, the package and the sets on the loopback address, and answers what the page found.
-async function browse() {
-  let found;
-  const told = new Promise((done) => (found = done));
-  const server = createServer((request, response) => {
-    const path = normalize(decodeURIComponent(new URL(request.url, "http://localhost").pathname));
-    if (path === "/results") {
-      const parts = [];
-      request.on("data", (part) => parts.push(part));
-      request.on("end", () => (response.end(), found(JSON.parse(Buffer.concat(parts)))));
-      return;
-    }
-    const [, of, set, ...rest] = path.split("/");
-    const dir = of === "sets" ? sets.find(({ name }) => name === set)?.dir : null;
-    try {
-      const body = path === "/views.json" ? JSON.stringify({ sets, views: asked }) : readFileSync(dir ? join(dir, ...rest) : join(here, path));
-      response.writeHead(200, { "Content-Type": TYPES[extname(path)] ?? "application/octet-stream" });
-      response.end(body);
-    } catch {
-      response.writeHead(404).end();
-    }
-  });
-  server.listen(0, "127.0.0.1");
-  await once(server, "listening");
-  const profile = mkdtempSync(join(tmpdir(), "chromium-"));
-  const flags = ["--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--window-size=600,600", `--user-data-dir=${profile}`];
-  const browser = spawn(process.env.CHROMIUM ?? "chromium", [...flags, `http://127.0.0.1:${server.address().port}/page.html`], { stdio: "ignore" });
-  const ended = once(browser, "exit").then(() => ({ results: [{ failure: "the browser ended" }], said: [] }));
-  const answer = await Promise.race([told, ended]);
-  browser.kill();
-  await ended;
-  server.close();
-  server.closeAllConnections();
-  // Processes that it has started end a while later.
-  rmSync(profile, { recursive: true, force: true, maxRetries: 20 });
-  return answer;
-}
-
-const { results, said } = await browse();
+const { results = [{ failure: "the browser ended" }], said = [] } = await browse("page.html", (path) => {
+  if (path === "/views.json") return JSON.stringify({ sets, views: asked });
+  const [, of, set, ...rest] = path.split("/");
+  const dir = of === "sets" ? sets.find(({ name }) => name === set)?.dir : null;
+  return dir && readFileSync(join(dir, ...rest));
+});
 said.forEach((line) => problems.push(`the console: ${line}`));
 for (const { name, plain, isOther } of sets) {
   const mine = results.filter(({ set }) => set === name);
