@@ -140,9 +140,9 @@ impl TopologyArg {
 /// [`Bounds`].
 #[derive(ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
 enum BoundsArg {
-    /// Those of the coarsest meshes only, a quarter of a second sooner
+    /// Those of the coarsest meshes only, half a second sooner
     Quick,
-    /// Of all that is within about 1% of the diagonal, so that it often has half of the triangles, in all verbs and viewers
+    /// Of all that is within about 0.3% of the diagonal, so that it often has half of the triangles, in all verbs and viewers
     Tight,
 }
 

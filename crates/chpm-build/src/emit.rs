@@ -240,8 +240,8 @@ fn link_groups(
             let coarse_first = members.len() as u32;
             members.extend(group.iter().filter_map(|n| places[*n as usize]));
             let fine_first = members.len() as u32;
-            let children = group.iter().flat_map(|n| tree.nodes[*n as usize].children).flatten();
-            members.extend(children.filter_map(|c| places[c as usize]));
+            let children = group.iter().flat_map(|n| tree.children(*n));
+            members.extend(children.filter_map(|c| places[*c as usize]));
             GroupRecord {
                 coarse_first,
                 coarse_count: fine_first - coarse_first,
@@ -279,8 +279,8 @@ fn nest(tables: &mut Tables, order: &[u32], tree: &Tree) {
         }
 
         for coarse in &members[range(group.coarse_first, group.coarse_count)] {
-            let node = &tree.nodes[order[*coarse as usize] as usize];
-            let children = node.children.into_iter().flatten().filter_map(|c| places[c as usize]);
+            let children = tree.children(order[*coarse as usize]).iter();
+            let children = children.filter_map(|c| places[*c as usize]);
             let mut record = clusters[*coarse as usize];
             enclose(&mut record, children.map(|c| clusters[c as usize]));
             record.group = index as u32;

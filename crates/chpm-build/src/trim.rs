@@ -58,6 +58,7 @@ pub(crate) fn run(
     mut clusters: Clusters,
     context: &Context<'_>,
 ) -> Result<Built, BuildError> {
+    clusters.raise_top(&mut tree);
     let range = clusters.range;
     if range == ErrorRange::ALL {
         return Ok(Built { tree, clusters, trimmed: None });
@@ -112,11 +113,11 @@ fn drop_below(clusters: &mut Clusters, tree: &mut Tree, finest: f32) {
     }
     let errors: Vec<f32> = refs.iter().map(|page| page.map_or(0.0, distance)).collect();
     for group in groups.iter() {
-        let below = || group.iter().flat_map(|node| tree.nodes[*node as usize].children).flatten();
-        if below().any(|child| errors[child as usize] > finest) {
+        let below = || group.iter().flat_map(|node| tree.children(*node));
+        if below().any(|child| errors[*child as usize] > finest) {
             continue;
         }
-        below().for_each(|child| refs[child as usize] = None);
+        below().for_each(|child| refs[*child as usize] = None);
         group.iter().for_each(|node| tree.nodes[*node as usize].children = None);
     }
     groups.iter_mut().for_each(|group| group.retain(|node| refs[*node as usize].is_some()));
@@ -126,8 +127,8 @@ fn drop_below(clusters: &mut Clusters, tree: &mut Tree, finest: f32) {
 /// A group is one level above the highest of its members' children; those without any are the new leaves.
 fn set_levels(clusters: &Clusters, tree: &mut Tree) {
     for group in &clusters.groups {
-        let children = group.iter().flat_map(|node| tree.nodes[*node as usize].children).flatten();
-        let below = children.map(|child| tree.nodes[child as usize].level).max();
+        let children = group.iter().flat_map(|node| tree.children(*node));
+        let below = children.map(|child| tree.nodes[*child as usize].level).max();
         let level = below.map_or(0, |below| below + 1);
         group.iter().for_each(|node| tree.nodes[*node as usize].level = level);
     }

@@ -249,12 +249,32 @@ impl<'a, 'd> Run<'a, 'd> {
         self.all.collapses.push(*collapse);
     }
 
+    /// Begins anew with the quadrics of what is left.
+    fn renew(&mut self) {
+        let Decimator { mesh, one_ring, prices, states, kept, .. } = &mut *self.all;
+        let left = mesh.faces.iter().filter(|face| !face.is_dead()).map(|face| face.corners);
+        prices.renew(self.given.patch, left);
+        kept.clear(self.given.patch.positions.len());
+        for (vertex, state) in states.iter_mut().enumerate() {
+            if state.is(VertexFlags::GONE) || mesh.count(vertex as u16) == 0 {
+                continue;
+            }
+            state.drop(VertexFlags::OFFERED);
+            state.drop(VertexFlags::WAITING);
+            if state.is(VertexFlags::BOUNDARY) {
+                one_ring.gather(mesh, vertex as u16);
+                prices.add_boundary(&self.given, one_ring);
+            }
+        }
+        self.fill_queue();
+    }
+
     fn fill_queue(&mut self) {
         let Decimator { mesh, prices, states, queue, candidates, displacements, .. } = &mut *self.all;
         prices.set_displacements(displacements);
         queue.refill(|entries| {
             for (vertex, state) in states.iter_mut().enumerate() {
-                if !state.is(VertexFlags::FIXED) {
+                if !state.is(VertexFlags::FIXED) && !state.is(VertexFlags::GONE) {
                     state.set(VertexFlags::STALE);
                     let (vertex, on_boundary) = (vertex as u16, state.is(VertexFlags::BOUNDARY));
                     let wings = mesh.wings(vertex);
@@ -281,7 +301,12 @@ impl<'a, 'd> Run<'a, 'd> {
     /// Collapses until the goal is reached; answers whether it stalled before.
     fn until(&mut self, goal: Goal) -> bool {
         self.fill_queue();
+        let mut renewed = self.alive;
         while !self.is_reached(goal) || self.may_catch_up(goal) {
+            if !self.all.hasty && matches!(goal, Goal::Triangles(_)) && 7 * self.alive < 5 * renewed {
+                renewed = self.alive;
+                self.renew();
+            }
             let Some(entry) = self.all.queue.pop() else { break };
             let u = entry.vertex();
             if entry.is_offer() {

@@ -43,6 +43,12 @@ impl DroppedComponent {
         DroppedComponent { center: center.into(), radius: round_up(farthest.norm() + lost) }
     }
 
+    /// Whether all that is within `beyond` of a point is in it.
+    pub(crate) fn holds(&self, point: &Point3<f64>, beyond: f64) -> bool {
+        let reach = f64::from(self.radius) - beyond;
+        reach >= 0.0 && (point - to_f64(self.center)).norm_squared() <= reach * reach * (1.0 - LOST)
+    }
+
     /// Its centre and its radius.
     pub fn sphere(&self) -> ([f32; 3], f32) {
         (self.center, self.radius)

@@ -47,13 +47,18 @@ impl Prices {
     pub(crate) fn begin(&mut self, patch: &Patch<'_>, hasty: bool) {
         self.factor = if hasty { HASTY_GUESS } else { GUESS };
         self.scale = scale(patch.positions);
+        self.renew(patch, patch.triangles.iter().copied());
+    }
+
+    /// Gives the vertices the quadrics of these faces.
+    pub(crate) fn renew(&mut self, patch: &Patch<'_>, faces: impl Iterator<Item = [u16; 3]>) {
         self.quadrics.clear();
         self.quadrics.resize(patch.positions.len(), Quadric::default());
-        for corners in patch.triangles {
+        for corners in faces {
             let [a, b, c] = corners.map(|v| patch.positions[usize::from(v)]);
             let of_face = Quadric::of_face(area_vector(a, b, c));
             for v in corners {
-                self.quadrics[usize::from(*v)].add_planes(&of_face);
+                self.quadrics[usize::from(v)].add_planes(&of_face);
             }
         }
         let area: f64 = self.quadrics.iter().map(|q| q.area).sum();

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 pub(crate) struct Node {
     pub(crate) level: u32,
     pub(crate) parent: Option<u32>,
-    /// Two children, or none for a leaf.
+    /// Two children, or none for a leaf; but see [`Tree::children`].
     pub(crate) children: Option<[u32; 2]>,
 }
 
@@ -20,6 +20,8 @@ pub(crate) struct Node {
 pub(crate) struct Tree {
     /// Leaves in their order, then inner nodes by level.
     pub(crate) nodes: Vec<Node>,
+    /// The root's children where they are more than two.
+    top: Vec<u32>,
 }
 
 impl Tree {
@@ -34,9 +36,48 @@ impl Tree {
         let mut nodes = vec![Node { level: 0, parent: None, children: None }; leaf_count];
         let members: Vec<u32> = (0..leaf_count as u32).collect();
         nodes.extend(split(graph, &members, leaf_count as u32, settings, context)?.1);
-        let mut tree = Tree { nodes };
+        let mut tree = Tree::new(nodes);
         tree.sort_by_level(leaf_count);
         Ok(tree)
+    }
+
+    pub(crate) fn new(nodes: Vec<Node>) -> Self {
+        Tree { nodes, top: Vec::new() }
+    }
+
+    /// The children of a node: two, for the root perhaps more, or none for a leaf.
+    pub(crate) fn children(&self, node: u32) -> &[u32] {
+        match &self.nodes[node as usize].children {
+            Some(_) if self.is_root(node) && !self.top.is_empty() => &self.top,
+            Some(pair) => pair,
+            None => &[],
+        }
+    }
+
+    pub(crate) fn is_root(&self, node: u32) -> bool {
+        node as usize + 1 == self.nodes.len()
+    }
+
+    /// The nodes below a level that are all of the leaves together, ascending.
+    pub(crate) fn front_below(&self, level: u32) -> Vec<u32> {
+        let first = self.level(level).start as u32;
+        let inner = self.nodes[first as usize..].iter();
+        let mut front: Vec<u32> =
+            inner.filter_map(|node| node.children).flatten().filter(|child| *child < first).collect();
+        front.sort_unstable();
+        front
+    }
+
+    /// Takes the inner nodes over `front` away but for the root, whose children they become; answers which these were.
+    pub(crate) fn raise(&mut self, front: Vec<u32>) -> std::ops::Range<usize> {
+        let below = front.iter().map(|node| self.nodes[*node as usize].level).max().unwrap_or(0);
+        let between = self.level(below).end..self.nodes.len() - 1;
+        self.nodes.drain(between.clone());
+        let root = self.nodes.len() as u32 - 1;
+        self.nodes[root as usize].level = below + 1;
+        front.iter().for_each(|node| self.nodes[*node as usize].parent = Some(root));
+        self.top = front;
+        between
     }
 
     /// Brings the inner nodes, which came in post-order, into order of level, and links parents.
@@ -151,12 +192,24 @@ mod tests {
             inner(1, Some(6), [2, 3]),
             inner(2, None, [4, 5]),
         ];
-        let tree = Tree { nodes };
+        let tree = Tree::new(nodes);
         assert_eq!(tree.merge_level(&[0, 1]), 1);
         assert_eq!(tree.merge_level(&[2, 3]), 1);
         assert_eq!(tree.merge_level(&[1, 2]), 2);
         assert_eq!(tree.merge_level(&[0, 1, 3]), 2);
         assert_eq!((tree.level(0), tree.level(1), tree.level(2)), (0..4, 4..6, 6..7));
+        assert_eq!(
+            (tree.children(6), tree.children(4), tree.children(1)),
+            (&[4, 5][..], &[0, 1][..], &[][..])
+        );
+
+        // The same without what is between.
+        let mut raised = tree.clone();
+        assert_eq!((tree.front_below(2), tree.front_below(1)), (vec![4, 5], vec![0, 1, 2, 3]));
+        assert_eq!(raised.raise(tree.front_below(1)), 4..6);
+        assert_eq!((raised.nodes.len(), raised.level_count()), (5, 2));
+        assert_eq!((raised.children(4), raised.children(3)), (&[0, 1, 2, 3][..], &[][..]));
+        assert!((0..4).all(|leaf| raised.nodes[leaf].parent == Some(4)));
         assert_eq!(tree.level_count(), 3);
     }
 }

@@ -30,8 +30,8 @@ pub(super) fn order(tree: &Tree, bounds: impl Fn(u32) -> Option<Aabb>) -> Vec<u3
     for (node, aabb) in bounds.iter().enumerate() {
         let center = aabb.map_or([0.0; 3], |b| b.center().coords.map(|x| x as f32).into());
         layout.centers[node] = center;
-        layout.leaves[node] =
-            tree.nodes[node].children.map_or(1, |c| c.map(|c| layout.leaves[c as usize]).into_iter().sum());
+        let below = tree.children(node as u32).iter().map(|child| layout.leaves[*child as usize]);
+        layout.leaves[node] = below.sum::<u32>().max(1);
     }
 
     fn built(node: u32, bounds: &[Option<Aabb>]) -> bool {
@@ -63,7 +63,7 @@ struct Layout<'a> {
 
 impl Layout<'_> {
     fn children(&self, node: u32, piece: u32) -> impl Iterator<Item = u32> + use<'_> {
-        let children = self.tree.nodes[node as usize].children.into_iter().flatten();
+        let children = self.tree.children(node).iter().copied();
         children.filter(move |c| self.piece[*c as usize] == piece)
     }
 
@@ -131,7 +131,7 @@ mod tests {
             first += count;
             count /= 2;
         }
-        let tree = Tree { nodes };
+        let tree = Tree::new(nodes);
         let place = |n: u32| Some(Aabb::of_points(&[[(n % 8) as f32, (n / 8) as f32, 0.0]]));
         let order = order(&tree, place);
         let mut sorted = order.clone();

@@ -64,7 +64,7 @@ fn runs(built: &Built) -> Vec<Run> {
         nodes.filter(|node| is_root(built, *node)).map(|root| run(f32::INFINITY, vec![root], clusters));
 
     let splits = clusters.groups.iter().map(|group| -> Vec<u32> {
-        let children = group.iter().flat_map(|node| tree.nodes[*node as usize].children).flatten();
+        let children = group.iter().flat_map(|node| tree.children(*node)).copied();
         children.filter(|child| clusters.is_built(*child)).collect()
     });
     let splits = splits.filter(|fine| !fine.is_empty()).map(|fine| {

@@ -57,9 +57,9 @@ impl Cluster<'_> {
         }));
         scratch.texels.clear();
         scratch.texels.resize(page.triangles.len(), f64::NAN);
-        let baked = match self.built.tree.nodes[self.node as usize].children {
-            None => self.leaf(&page, scratch, context),
-            Some(children) => self.parent(&page, children, scratch, context),
+        let baked = match self.built.tree.children(self.node) {
+            [] => self.leaf(&page, scratch, context),
+            children => self.parent(&page, children, scratch, context),
         };
         scratch.page = bytes;
         baked
@@ -99,17 +99,17 @@ impl Cluster<'_> {
     fn parent(
         &self,
         page: &Page<'_>,
-        children: [u32; 2],
+        children: &[u32],
         scratch: &mut Scratch,
         context: &Context<'_>,
     ) -> Result<Baked, BuildError> {
         let Built { tree, clusters, .. } = self.built;
-        let refs = children.map(|child| self.raws[child as usize]);
+        let refs: Vec<_> = children.iter().map(|child| self.raws[*child as usize]).collect();
         let memory: u64 = refs.iter().flatten().map(RawRef::memory).sum();
         let reading = context.store.budget.reserve_task("sheets of children", memory)?;
         let mut sheets = Below(vec![Sampled::default(); children.len()]);
         scratch.below.clear();
-        for (number, child) in (0..).zip(children) {
+        for (number, &child) in (0..).zip(children) {
             let Some(raw) = refs[number as usize] else { continue };
             let level = tree.nodes[child as usize].level as usize;
             self.levels[level].0.read(&raw, &mut sheets.0[number as usize])?;

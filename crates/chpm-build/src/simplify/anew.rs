@@ -5,17 +5,17 @@ use super::group::GroupTask;
 use crate::config::Bounds;
 use crate::error::BuildError;
 use chpm_format::Page;
-use chpm_qem::{Collapse, Course, Displacement, Limits, Record, Reference, tightened};
+use chpm_qem::{Collapse, Course, Displacement, DroppedComponent, Limits, Record, Reference, tightened};
 use rayon::prelude::*;
 
 /// Levels below the root of which one's base meshes are what it is held against.
 pub(super) const BELOW: u32 = 5;
 
 /// Most triangles of the root: more are where clusters stalled, and would not fit into the memory of a thread.
-const MOST: usize = 1 << 14;
+const MOST: usize = 1 << 15;
 
 /// Most triangles of what a root is held against.
-const TIGHT_BELOW: u64 = 48_000;
+const TIGHT_BELOW: u64 = 100_000;
 
 /// How closely a root is looked at.
 struct Look {
@@ -45,8 +45,8 @@ impl Look {
             Bounds::Tight => Look {
                 most: TIGHT_BELOW,
                 coarsest: TIGHT_BELOW,
-                shrink: 4,
-                limits: Limits { ratio: 10, next_ratio: 16, pieces: 600_000 },
+                shrink: 2,
+                limits: Limits { ratio: 8, next_ratio: 24, pieces: 3_000_000 },
             },
         }
     }
@@ -57,20 +57,27 @@ pub(super) fn lower(
     task: &GroupTask<'_>,
     root: u32,
     (positions, triangles): (&[[f32; 3]], &[[u16; 3]]),
+    (dropped, dropped_before): (&[(usize, DroppedComponent)], &[DroppedComponent]),
     record: &mut Record,
 ) -> Result<(), BuildError> {
     if triangles.len() > MOST || record.errors.is_empty() {
         return Ok(());
     }
     let look = Look::new(task.settings.bounds, task.decomposition.triangle_count());
-    let references = references(task, root, &look)?;
+    let references = match task.built.children(task.tree, root) {
+        // It is all of the source itself.
+        [] => vec![source(task, (positions, triangles))],
+        _ => references(task, root, &look)?,
+    };
 
     let base = record.base_vertex_count();
-    let in_order = record.targets.iter().zip(&record.errors).enumerate().rev();
-    let collapses: Vec<Collapse> = in_order
-        .map(|(index, (to, error))| Collapse { from: (base + index) as u16, to: *to, error: *error })
-        .collect();
-    let course = Course { positions, triangles, collapses: &collapses };
+    let in_order = (0..record.targets.len()).rev().map(|index| Collapse {
+        from: (base + index) as u16,
+        to: record.targets[index],
+        error: record.errors[index],
+    });
+    let collapses: Vec<Collapse> = in_order.collect();
+    let course = Course { positions, triangles, collapses: &collapses, dropped, dropped_before };
     let found: Vec<Vec<f32>> = (0..references.len())
         .into_par_iter()
         .map(|finest| {
@@ -93,34 +100,77 @@ pub(super) fn lower(
 
 /// Meshes of the whole source that the root is held against, from the finest on that is small enough; none where all that there are have too many triangles.
 fn references(task: &GroupTask<'_>, root: u32, look: &Look) -> Result<Vec<Reference>, BuildError> {
-    let top = task.tree.nodes[root as usize].level;
     let mut references: Vec<Reference> = Vec::new();
-    for level in top.saturating_sub(BELOW)..top {
-        let front = front(task, root, level);
-        let count = |node: &u32| task.refs[*node as usize].map(|page| u64::from(page.base_triangle_count));
-        let Some(count) = front.iter().map(count).sum::<Option<u64>>() else { continue };
+    let highest = highest_below(task, root);
+    let lowest = task.level.saturating_sub(BELOW);
+    let has_source = task.settings.bounds == Bounds::Tight && lowest == 0;
+    for level in has_source.then_some(None).into_iter().chain((lowest..=highest).map(Some)) {
+        let parts = parts(task, root, level);
+        let count = parts.iter().map(|part| part.triangle_count(task)).sum::<u64>();
         let most = match references.last() {
             Some(finer) => (finer.triangle_count() / look.shrink) as u64,
             // The coarsest may be larger.
-            None if level + 1 == top => look.coarsest,
+            None if level == Some(highest) => look.coarsest,
             None => look.most,
         };
         if count <= most {
-            references.extend(reference(task, front)?);
+            references.push(reference(task, &parts)?);
         }
     }
     Ok(references)
 }
 
-/// The mesh of clusters that are all of the source together.
-fn reference(task: &GroupTask<'_>, front: Vec<u32>) -> Result<Option<Reference>, BuildError> {
+/// A leaf that is all of the source.
+fn source(task: &GroupTask<'_>, (positions, triangles): (&[[f32; 3]], &[[u16; 3]])) -> Reference {
+    let mut reference = Reference::default();
+    let rounding = task.decomposition.rounding.error();
+    reference.add(positions, triangles.iter().map(|triangle| (*triangle, rounding)));
+    reference.join();
+    reference
+}
+
+/// The highest level of what a root is made of.
+fn highest_below(task: &GroupTask<'_>, root: u32) -> u32 {
+    let below =
+        task.built.children(task.tree, root).iter().map(|child| task.tree.nodes[*child as usize].level);
+    below.max().unwrap_or(0)
+}
+
+/// Part of a reference.
+#[derive(Clone, Copy)]
+enum Part {
+    /// A leaf's part of the source.
+    Source(u32),
+    /// What a cluster was simplified to.
+    Base(u32),
+}
+
+impl Part {
+    fn triangle_count(self, task: &GroupTask<'_>) -> u64 {
+        match self {
+            Part::Source(leaf) => task.decomposition.leaves[leaf as usize].triangle_count.into(),
+            Part::Base(node) => task.built.page(node).base_triangle_count.into(),
+        }
+    }
+}
+
+/// The mesh of parts that are all of the source together.
+fn reference(task: &GroupTask<'_>, parts: &[Part]) -> Result<Reference, BuildError> {
     let mut reference = Reference::default();
     let (mut page, mut triangles, mut displacements) = (Vec::new(), Vec::new(), Vec::new());
-    for node in front {
-        let Some(found) = task.refs[node as usize] else { return Ok(None) };
+    for part in parts {
+        let (Part::Source(node) | Part::Base(node)) = *part;
+        let found = task.built.page(node);
+        task.built.pages.read(found.offset, found.len as usize, &mut page)?;
+        let page = Page::view(&page)?;
+        let positions = page.vertices.positions;
+        if let Part::Source(_) = part {
+            let rounding = task.decomposition.rounding.error();
+            reference.add(positions, page.triangles.iter().map(|triangle| (*triangle, rounding)));
+            continue;
+        }
         let spool = &task.displacements[task.tree.nodes[node as usize].level as usize];
         let count = found.base_triangle_count as usize;
-        task.pages.read(found.offset, found.len as usize, &mut page)?;
         spool.read(found.base_triangles, count * size_of::<[u16; 3]>(), &mut triangles)?;
         spool.read(found.displacements, count * size_of::<Displacement>(), &mut displacements)?;
 
@@ -128,21 +178,25 @@ fn reference(task: &GroupTask<'_>, front: Vec<u32>) -> Result<Option<Reference>,
             triangles.chunks_exact(size_of::<[u16; 3]>()).map(bytemuck::pod_read_unaligned::<[u16; 3]>);
         let errors = displacements.chunks_exact(size_of::<Displacement>());
         let errors = errors.map(|bytes| bytemuck::pod_read_unaligned::<Displacement>(bytes).error());
-        reference.add(Page::view(&page)?.vertices.positions, each.zip(errors));
+        reference.add(positions, each.zip(errors));
     }
     reference.join();
-    Ok(Some(reference))
+    Ok(reference)
 }
 
-/// Clusters that are all of the source together: those of a level, or below it where there is none.
-fn front(task: &GroupTask<'_>, root: u32, level: u32) -> Vec<u32> {
-    let (mut front, mut stack) = (Vec::new(), vec![root]);
+/// Parts that are all of the source together: base meshes of a level, or below it where there is none; without a level the source.
+fn parts(task: &GroupTask<'_>, root: u32, level: Option<u32>) -> Vec<Part> {
+    let (mut parts, mut stack) = (Vec::new(), task.built.children(task.tree, root).to_vec());
+    stack.reverse();
     while let Some(node) = stack.pop() {
-        let at = &task.tree.nodes[node as usize];
-        match at.children.filter(|_| at.level > level) {
-            Some([first, second]) => stack.extend([second, first]),
-            None => front.push(node),
+        let children = task.built.children(task.tree, node);
+        match level {
+            Some(level) if task.tree.nodes[node as usize].level <= level => parts.push(Part::Base(node)),
+            _ if children.is_empty() => {
+                parts.push(if level.is_none() { Part::Source(node) } else { Part::Base(node) })
+            }
+            _ => stack.extend(children.iter().rev()),
         }
     }
-    front
+    parts
 }

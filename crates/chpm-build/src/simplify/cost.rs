@@ -1,6 +1,6 @@
 //! Memory that simplifying a group takes, known before it begins: so many bytes for each triangle and vertex of its members.
 
-use super::PageRef;
+use super::Clusters;
 use crate::allowance::THREAD;
 use crate::decompose::Decomposition;
 use crate::hierarchy::Tree;
@@ -18,33 +18,24 @@ const SCALARS: u64 = 3;
 pub(super) const GROUP: u64 = 24 << 20;
 
 /// Triangles and vertices of a node's finest mesh, at most.
-fn counts(node: u32, tree: &Tree, decomposition: &Decomposition, refs: &[Option<PageRef>]) -> (u64, u64) {
-    match tree.nodes[node as usize].children {
-        None => {
+fn counts(node: u32, tree: &Tree, decomposition: &Decomposition, built: &Clusters) -> (u64, u64) {
+    match built.children(tree, node) {
+        [] => {
             let leaf = &decomposition.leaves[node as usize];
             (leaf.triangle_count.into(), leaf.vertex_count.into())
         }
-        Some(children) => {
-            children.iter().filter_map(|child| refs[*child as usize]).fold((0, 0), |sum, child| {
-                (sum.0 + u64::from(child.base_triangle_count), sum.1 + u64::from(child.base_vertex_count))
-            })
-        }
+        children => built.base_counts(children),
     }
 }
 
 /// Triangles of a node's finest mesh, at most.
-pub(super) fn triangles(
-    node: u32,
-    tree: &Tree,
-    decomposition: &Decomposition,
-    refs: &[Option<PageRef>],
-) -> u64 {
-    counts(node, tree, decomposition, refs).0
+pub(super) fn triangles(node: u32, tree: &Tree, decomposition: &Decomposition, built: &Clusters) -> u64 {
+    counts(node, tree, decomposition, built).0
 }
 
 /// Bytes of one member, but for its named scalars: groups are formed alike with them and without.
-pub(super) fn member(node: u32, tree: &Tree, decomposition: &Decomposition, refs: &[Option<PageRef>]) -> u64 {
-    let (triangles, vertices) = counts(node, tree, decomposition, refs);
+pub(super) fn member(node: u32, tree: &Tree, decomposition: &Decomposition, built: &Clusters) -> u64 {
+    let (triangles, vertices) = counts(node, tree, decomposition, built);
     TRIANGLE * triangles + VERTEX * vertices
 }
 
@@ -53,11 +44,11 @@ pub(super) fn beyond_usual(
     group: &[u32],
     tree: &Tree,
     decomposition: &Decomposition,
-    refs: &[Option<PageRef>],
+    built: &Clusters,
 ) -> u64 {
     let scalars = SCALARS * size_of::<u32>() as u64 * u64::from(decomposition.scalar_words);
     let bytes = |node: &u32, triangle: u64, vertex: u64| {
-        let (triangles, vertices) = counts(*node, tree, decomposition, refs);
+        let (triangles, vertices) = counts(*node, tree, decomposition, built);
         triangle * triangles + (vertex + scalars) * vertices
     };
     let members: u64 = group.iter().map(|node| bytes(node, TRIANGLE, VERTEX)).sum();

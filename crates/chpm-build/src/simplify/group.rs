@@ -1,12 +1,12 @@
 //! One dependency group: its members are loaded, their group borders simplified together, and each member halved.
 
-use super::PageRef;
 use super::anew;
 use super::dependency::GroupBorders;
 use super::group_border::GroupBorder;
 use super::lasting;
 use super::vanished::Vanished;
 use super::working_set::{Child, WorkingSet};
+use super::{Clusters, PageRef};
 use crate::config::{Layout, Settings};
 use crate::decompose::Decomposition;
 use crate::error::BuildError;
@@ -39,8 +39,7 @@ pub(super) struct GroupTask<'a> {
     pub(super) level: u32,
     pub(super) tree: &'a Tree,
     pub(super) decomposition: &'a Decomposition,
-    pub(super) refs: &'a [Option<PageRef>],
-    pub(super) pages: &'a Spool,
+    pub(super) built: &'a Clusters,
     /// Displacements of base meshes, a spool for each level up to this one.
     pub(super) displacements: &'a [Spool],
     pub(super) release: &'a [u8],
@@ -67,7 +66,7 @@ pub(super) struct Scratch {
 #[derive(Default)]
 pub(super) struct Buffers {
     leaf: Vec<u8>,
-    children: [Child; 2],
+    children: Vec<Child>,
     collapses: Vec<Collapse>,
     decimator: Decimator,
     order: TriangleOrder,
@@ -225,14 +224,16 @@ impl Member {
         self.deviation = Deviation::default();
         self.vanished.clear();
         self.source = Aabb::EMPTY;
-        self.is_root = task.tree.nodes[node as usize].parent.is_none();
-        if let Some(children) = task.tree.nodes[node as usize].children {
+        self.is_root = task.tree.is_root(node);
+        let children = task.built.children(task.tree, node);
+        if !children.is_empty() {
             self.min_error = 0.0;
-            for (read, child) in buffers.children.iter_mut().zip(children) {
-                let Some(page) = task.refs[child as usize] else {
-                    unreachable!("only buildable nodes are loaded")
-                };
-                task.pages.read(page.offset, page.len as usize, &mut read.page)?;
+            if buffers.children.len() < children.len() {
+                buffers.children.resize_with(children.len(), Child::default);
+            }
+            for (read, &child) in buffers.children.iter_mut().zip(children) {
+                let page = task.built.page(child);
+                task.built.pages.read(page.offset, page.len as usize, &mut read.page)?;
                 let displacements = &task.displacements[task.tree.nodes[child as usize].level as usize];
                 let len = page.base_triangle_count as usize * size_of::<[u16; 3]>();
                 displacements.read(page.base_triangles, len, &mut read.triangles)?;
@@ -247,7 +248,7 @@ impl Member {
                 self.deviation = self.deviation.max(page.deviation);
                 self.min_error = self.min_error.max(page.group_error);
             }
-            self.set.fill_from_children(&buffers.children)?;
+            self.set.fill_from_children(&buffers.children[..children.len()])?;
         } else {
             let rounding = task.decomposition.rounding;
             let leaf = task.decomposition.read_leaf(node, &mut buffers.leaf)?;
@@ -328,14 +329,12 @@ impl Member {
         self.report.color_deviation = self.deviation.units();
     }
 
-    /// Lowers the errors of a root to what they are beside a finer mesh. Where components have vanished nothing is found anew: they have no place in the mesh.
+    /// Lowers the errors of a root to what they are beside a finer mesh.
     fn find_anew(&mut self, task: &GroupTask<'_>, node: u32) -> Result<(), BuildError> {
         let finest = (&self.renumbered.vertices.positions[..], &self.renumbered.triangles[..]);
-        if self.vanished.is_empty() {
-            anew::lower(task, node, finest, &mut self.record)?;
-            let min_error = self.min_error;
-            self.record.errors.iter_mut().for_each(|error| *error = error.max(min_error));
-        }
+        anew::lower(task, node, finest, self.vanished.balls(), &mut self.record)?;
+        let min_error = self.min_error;
+        self.record.errors.iter_mut().for_each(|error| *error = error.max(min_error));
         Ok(())
     }
 
@@ -382,10 +381,10 @@ impl Member {
         let lasting = self.vanished.lasting();
         let lasting_count = lasting.len() as u32;
         let lasting =
-            if lasting.is_empty() { 0 } else { task.pages.append(bytemuck::cast_slice(lasting))? };
+            if lasting.is_empty() { 0 } else { task.built.pages.append(bytemuck::cast_slice(lasting))? };
         let (dropped, bare_count) = self.vanished.bytes();
         let spooled = PageRef {
-            offset: task.pages.append(page)?,
+            offset: task.built.pages.append(page)?,
             len: page.len() as u32,
             group_error: self.report.max_error,
             bounds: Aabb::of_points(&set.vertices.positions),

@@ -78,8 +78,7 @@ impl Levels {
 
     /// Triangles of each group of the level.
     pub(crate) fn weights(&self, inputs: &Inputs<'_>) -> Vec<u64> {
-        let triangles =
-            |node: &u32| cost::triangles(*node, inputs.tree, inputs.decomposition, &self.built.refs);
+        let triangles = |node: &u32| cost::triangles(*node, inputs.tree, inputs.decomposition, &self.built);
         self.groups().iter().map(|group| group.iter().map(triangles).sum()).collect()
     }
 

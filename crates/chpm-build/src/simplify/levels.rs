@@ -31,6 +31,7 @@ impl Levels {
             reports: vec![LevelReport::default(); tree.nodes.len()],
             levels: Vec::new(),
             groups: Vec::new(),
+            top: Vec::new(),
             range: ErrorRange::ALL,
         };
         Levels { built, level: 0, first: None, done: 0, left, displacements: Vec::new() }

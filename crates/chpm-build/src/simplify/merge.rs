@@ -1,4 +1,4 @@
-//! Joins two children: which vertex of a child's page is which vertex of the parent.
+//! Joins children: which vertex of a child's page is which vertex of the parent.
 
 use chpm_format::Page;
 
@@ -11,7 +11,7 @@ pub(super) struct Merger {
     /// The parent's triangles.
     pub(super) triangles: Vec<[u16; 3]>,
     /// Per child, the base vertices that the parent takes over, in the order of the parent's numbers.
-    pub(super) fresh: [Vec<u16>; 2],
+    pub(super) fresh: Vec<Vec<u16>>,
     /// The parent's shared vertices: local index and shared id, by local index.
     pub(super) shared: Vec<(u16, u32)>,
     used: Vec<bool>,
@@ -21,16 +21,17 @@ pub(super) struct Merger {
 }
 
 impl Merger {
-    /// Numbers the parent's vertices: the first child's base vertices in their order, then those of the second that the first
-    /// does not have. A vertex that both have is known by its shared id; one that no base triangle uses has vanished.
-    pub(super) fn join(&mut self, pages: &[Page<'_>; 2], triangles: [&[u8]; 2]) {
+    /// Numbers the parent's vertices: the first child's base vertices in their order, then those of each other that none before it
+    /// has. A vertex that several have is known by its shared id; one that no base triangle uses has vanished.
+    pub(super) fn join<'a>(&mut self, pages: &[Page<'_>], triangles: impl Iterator<Item = &'a [u8]>) {
         self.triangles.clear();
         self.shared.clear();
         self.known.clear();
+        self.fresh.resize_with(pages.len(), Vec::new);
         let mut next = 0;
-        for (side, page) in pages.iter().enumerate() {
+        for (side, (page, triangles)) in pages.iter().zip(triangles).enumerate() {
             let first_triangle = self.triangles.len();
-            self.take(triangles[side], page.base_vertex_count);
+            self.take(triangles, page.base_vertex_count);
             self.number(side, page, &mut next);
             for triangle in &mut self.triangles[first_triangle..] {
                 *triangle = triangle.map(|v| self.local[usize::from(v)]);

@@ -88,6 +88,8 @@ pub(crate) struct Clusters {
     pub(crate) levels: Vec<LevelReport>,
     /// Dependency groups of built nodes, from the leaves up; the members of one are of one level.
     pub(crate) groups: Vec<Vec<u32>>,
+    /// Nodes that the root is made of as if they were its children, instead of all between; none where it is made of its own.
+    top: Vec<u32>,
     /// The errors that are asked for.
     pub(crate) range: ErrorRange,
 }
@@ -103,6 +105,66 @@ impl Clusters {
         self.refs[node as usize].unwrap_or_else(|| panic!("node {node} was not built"))
     }
 
+    /// The nodes that a node is made of.
+    fn children<'a>(&'a self, tree: &'a Tree, node: u32) -> &'a [u32] {
+        if tree.is_root(node) && !self.top.is_empty() { &self.top } else { tree.children(node) }
+    }
+
+    /// Triangles and vertices of the base meshes of those of these nodes that were built.
+    fn base_counts(&self, nodes: &[u32]) -> (u64, u64) {
+        nodes.iter().filter_map(|node| self.refs[*node as usize]).fold((0, 0), |sum, page| {
+            (sum.0 + u64::from(page.base_triangle_count), sum.1 + u64::from(page.base_vertex_count))
+        })
+    }
+
+    /// The largest error that any of these nodes leaves; none unless all were built.
+    fn error_above(&self, nodes: &[u32]) -> Option<f32> {
+        let mut pages = nodes.iter().map(|node| self.refs[*node as usize]);
+        pages.try_fold(0.0, |largest: f32, page| Some(largest.max(page?.group_error)))
+    }
+
+    /// The error that a node's finest mesh comes with; none if what it is made of is not built, does not fit 16-bit indices together or stalled, if
+    /// it is more than is asked for, or if the root is made of what is below the node.
+    fn finest_error(&self, node: u32, tree: &Tree, rounding: f32) -> Option<f32> {
+        if !self.top.is_empty() && !tree.is_root(node) {
+            return None;
+        }
+        let children = self.children(tree, node);
+        let (triangles, vertices) = self.base_counts(children);
+        let fits = triangles <= MAX_MERGED_TRIANGLES && vertices <= u64::from(MAX_CLUSTER_VERTICES);
+        let error = if children.is_empty() { Some(rounding) } else { self.error_above(children) };
+        error.filter(|error| fits && *error <= self.range.coarsest)
+    }
+
+    /// Looks whether all that the levels below `level` leave makes one cluster that is small enough to be the root.
+    fn look_for_top(&mut self, tree: &Tree, level: u32) {
+        // As many inner nodes are above a front as it has nodes, but one.
+        let above = tree.nodes.len() - tree.level(level).start;
+        if level == 0 || !(2..MOST_CHILDREN).contains(&above) {
+            return;
+        }
+        let front = tree.front_below(level);
+        let (triangles, vertices) = self.base_counts(&front);
+        let is_small = triangles <= TOP_TRIANGLES && vertices <= u64::from(MAX_CLUSTER_VERTICES);
+        if is_small && self.error_above(&front).is_some_and(|error| error <= self.range.coarsest) {
+            self.top = front;
+        }
+    }
+
+    /// Makes the nodes that the root was made of its children in the tree, which loses those between.
+    pub(crate) fn raise_top(&mut self, tree: &mut Tree) {
+        if self.top.is_empty() {
+            return;
+        }
+        let between = tree.raise(std::mem::take(&mut self.top));
+        let root = between.start as u32;
+        // Its group is the last.
+        self.groups.iter_mut().rev().take(1).for_each(|group| *group = vec![root]);
+        self.refs.drain(between.clone());
+        self.reports.drain(between);
+        self.levels = level_reports(tree, &self.refs, &self.reports);
+    }
+
     /// Remnants that the file gets. None where ends were cut off: what remnants are of may be beyond them.
     pub(crate) fn remnant_count(&self) -> usize {
         match self.range == ErrorRange::ALL {
@@ -111,6 +173,17 @@ impl Clusters {
         }
     }
 }
+
+/// Most triangles of a union of base meshes, more than any two have that did not stall: a pile of what nothing can simplify ends
+/// as several roots, each of which fits the memory that a task may take.
+const MAX_MERGED_TRIANGLES: u64 = 1 << 16;
+
+/// Most triangles of a root that is made of more than two clusters. Within one cluster errors can be found anew, and the larger the root is,
+/// the smaller are the distances from which on they are; but it is what is loaded first, and as a whole.
+const TOP_TRIANGLES: u64 = 20_000;
+
+/// Most clusters that a root is made of.
+const MOST_CHILDREN: usize = 8;
 
 /// Inputs of the levels.
 pub(crate) struct Inputs<'a> {
@@ -162,20 +235,22 @@ impl Levels {
     fn form_groups(&mut self, group_borders: &GroupBorders<'_>, inputs: &Inputs<'_>) {
         let Inputs { tree, settings, context, .. } = *inputs;
         let rounding = inputs.decomposition.rounding.error();
-        let Clusters { refs, range, groups, .. } = &mut self.built;
-        let finest_error =
-            |node: u32| finest_error(node, tree, refs, rounding).filter(|error| *error <= range.coarsest);
+        if self.built.top.is_empty() {
+            self.built.look_for_top(tree, self.level);
+        }
+        let built = &self.built;
+        let finest_error = |node: u32| built.finest_error(node, tree, rounding);
         let mut formed: Vec<Vec<u32>> = match settings.boundary {
             BoundaryMode::Dependencies => {
                 group_borders.groups(tree, self.level, &self.left, settings, finest_error, |node: u32| {
-                    cost::member(node, tree, inputs.decomposition, refs)
+                    cost::member(node, tree, inputs.decomposition, built)
                 })
             }
             _ => tree.level(self.level).map(|node| vec![node as u32]).collect(),
         };
         formed.retain(|g| g.iter().all(|n| finest_error(*n).is_some()));
-        self.first = Some(groups.len());
-        groups.extend(formed);
+        self.first = Some(self.built.groups.len());
+        self.built.groups.extend(formed);
         self.displacements.push(levels::displacements(&context.store, self.level as usize));
     }
 
@@ -204,8 +279,7 @@ impl Levels {
             level: self.level,
             tree,
             decomposition,
-            refs: &self.built.refs,
-            pages: &self.built.pages,
+            built: &self.built,
             displacements: &self.displacements,
             release,
             group_borders,
@@ -215,7 +289,7 @@ impl Levels {
         let open = &self.groups()[range];
         while_not_due(open.len(), context, Scratch::default, |scratch, index| {
             let group = &open[index];
-            let done = match cost::beyond_usual(group, tree, decomposition, &self.built.refs) {
+            let done = match cost::beyond_usual(group, tree, decomposition, &self.built) {
                 0 => scratch.run(&task, group, true)?,
                 more => {
                     // What the thread has kept counts as part of it, and goes before the rest is asked for; nothing so large is kept. Nor do
@@ -300,19 +374,6 @@ pub(crate) fn level_reports(
         add(&mut levels[level], report);
     }
     levels
-}
-
-/// Most triangles of a union of two base meshes, more than any two have that did not stall: a pile of what nothing can simplify ends
-/// as several roots, each of which fits the memory that a task may take.
-const MAX_MERGED_TRIANGLES: u32 = 1 << 16;
-
-/// The error that a node's finest mesh comes with; none if its children are not built, do not fit 16-bit indices together or stalled.
-fn finest_error(node: u32, tree: &Tree, refs: &[Option<PageRef>], rounding: f32) -> Option<f32> {
-    let Some(children) = tree.nodes[node as usize].children else { return Some(rounding) };
-    let [Some(a), Some(b)] = children.map(|c| refs[c as usize]) else { return None };
-    let fits = a.base_vertex_count + b.base_vertex_count <= MAX_CLUSTER_VERTICES
-        && a.base_triangle_count + b.base_triangle_count <= MAX_MERGED_TRIANGLES;
-    fits.then_some(a.group_error.max(b.group_error))
 }
 
 /// The highest level that reads what the given one leaves.

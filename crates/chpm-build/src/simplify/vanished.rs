@@ -22,6 +22,8 @@ pub(super) struct Vanished {
     below: usize,
     /// Those of them, likewise, that have no remnant.
     bare: Vec<DroppedComponent>,
+    /// Its own, each with the place of the collapse by which it came about.
+    own: Vec<(usize, DroppedComponent)>,
     /// Remnants of its own.
     lasting: Vec<Lasting>,
     /// The error with which the first of its own came about; infinite if there are none.
@@ -39,8 +41,10 @@ impl Vanished {
     pub(super) fn clear(&mut self) {
         self.all.clear();
         self.bare.clear();
+        self.own.clear();
         self.lasting.clear();
-        (self.below, self.from, self.gap_below, self.rest_below) = (0, f32::INFINITY, 0.0, 0.0);
+        (self.below, self.from) = (0, f32::INFINITY);
+        (self.gap_below, self.rest_below) = (0.0, 0.0);
     }
 
     /// Takes in what a child has left, the last `bare` of it without a remnant, whose group has the given gaps.
@@ -61,6 +65,8 @@ impl Vanished {
         self.from = outcome.vanishing;
         for (ball, LastFace { vertex, bound }) in outcome.dropped.iter().zip(outcome.last_faces) {
             let vertex = u32::from(record.old_to_new[usize::from(*vertex)]);
+            // The first collapse took the last vertex away.
+            self.own.push((record.new_to_old.len() - 1 - vertex as usize, *ball));
             match bound.is_finite() {
                 true => self.lasting.push(Lasting { ball: *ball, bound: *bound, vertex }),
                 false => self.bare.push(*ball),
@@ -91,9 +97,9 @@ impl Vanished {
         self.bare.extend(self.lasting.extract_if(.., beyond).map(|lasting| lasting.ball));
     }
 
-    /// Whether nothing has vanished.
-    pub(super) fn is_empty(&self) -> bool {
-        self.all.is_empty() && self.bare.is_empty()
+    /// Its own components, by the places of the collapses that dropped them, and those that its children did.
+    pub(super) fn balls(&self) -> (&[(usize, DroppedComponent)], &[DroppedComponent]) {
+        (&self.own, &self.all[..self.below])
     }
 
     /// The error with which something vanished first; infinite if nothing did.

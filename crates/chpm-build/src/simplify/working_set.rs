@@ -55,12 +55,12 @@ impl WorkingSet {
             .of_source(&self.triangles, &mut self.face_attribute_errors);
     }
 
-    /// The union of two children's base meshes, joined at the vertices that both share.
-    pub(super) fn fill_from_children(&mut self, children: &[Child; 2]) -> Result<(), FormatError> {
+    /// The union of the children's base meshes, joined at the vertices that they share.
+    pub(super) fn fill_from_children(&mut self, children: &[Child]) -> Result<(), FormatError> {
         self.clear();
-        let pages = [Page::view(&children[0].page)?, Page::view(&children[1].page)?];
+        let pages = children.iter().map(|child| Page::view(&child.page)).collect::<Result<Vec<_>, _>>()?;
         let merger = &mut self.merger;
-        merger.join(&pages, [&children[0].triangles, &children[1].triangles]);
+        merger.join(&pages, children.iter().map(|child| &child.triangles[..]));
         for (page, fresh) in pages.iter().zip(&merger.fresh) {
             self.vertices.gather(page.vertices, fresh.iter().map(|v| usize::from(*v)));
         }

@@ -211,6 +211,7 @@ fn coordinates_are_accepted_up_to_a_limit_and_refused_beyond() {
 fn the_smallest_coordinates_build() {
     for scale in [1e-36, 1e-38, 1e-40, 1e-43, 1.5e-45] {
         let mesh = scaled(Synth::new(Shape::Terrain, 4_000, 1).to_mesh(), scale);
+        println!("{scale:e}");
         check_against(&Site::of(&mesh).build(&config(512)).1, &mesh);
     }
     // Doubles that single precision holds badly are told, with the reason.

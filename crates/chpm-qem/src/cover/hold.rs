@@ -38,8 +38,12 @@ fn serve(
 impl Cover<'_> {
     /// Notes how far a triangle is from the mesh, and which faces it was held against.
     pub(super) fn take(&mut self, triangle: u32, far: f64, error: f32) {
-        let turn = &mut self.turns[triangle as usize];
-        *turn += 1;
+        self.turns[triangle as usize] += 1;
+        if far > f64::from(error) && self.is_left_behind(triangle) {
+            self.holders[triangle as usize] = u32::MAX;
+            return;
+        }
+        let turn = &self.turns[triangle as usize];
         for face in &self.pieces.used {
             let held = &mut self.held[*face as usize];
             if held.last() != Some(&(triangle, *turn)) {
@@ -92,10 +96,16 @@ impl Cover<'_> {
             self.pieces.count += found * (near.len() / FACES) as u64;
             far = self.pieces.reach(corners, served, self.reached, &mut few);
         }
-        if far > f64::from(error) {
+        if far > f64::from(error) && !self.is_left_behind(triangle) {
             far = self.hold_anywhere(triangle);
         }
         self.take(triangle, far, error);
+    }
+
+    /// Whether a triangle is of what was left behind.
+    fn is_left_behind(&mut self, triangle: u32) -> bool {
+        self.pieces.count += (self.balls.len() / LOOKED_AT) as u64;
+        self.reference.is_left_behind(triangle, &self.balls)
     }
 
     /// Holds a triangle against any face.

@@ -8,6 +8,7 @@ mod chain;
 #[cfg(test)]
 mod exact;
 mod hold;
+mod islands;
 mod over;
 mod pieces;
 mod reference;
@@ -16,6 +17,7 @@ mod target;
 mod tree;
 
 use crate::adjacency::Adjacency;
+use crate::dropped::DroppedComponent;
 use crate::patch::Collapse;
 use chain::Chain;
 use chpm_mesh::geom::{round_up, to_f64};
@@ -47,6 +49,10 @@ pub struct Course<'a> {
     pub triangles: &'a [[u16; 3]],
     /// In the order in which they were carried out, with composed errors.
     pub collapses: &'a [Collapse],
+    /// What these leave behind, each with the place of the collapse, ascending.
+    pub dropped: &'a [(usize, DroppedComponent)],
+    /// What was left behind before, whatever the reference has of it.
+    pub dropped_before: &'a [DroppedComponent],
 }
 
 /// How much time is taken.
@@ -60,19 +66,23 @@ pub struct Limits {
     pub pieces: u64,
 }
 
-/// Errors of the meshes that the collapses leave, none larger than the one that was composed: bounds as those are. They are found beside the first of
-/// the references, the finest, until a mesh is coarse enough for the second.
+/// Errors of the meshes that the collapses leave, none larger than the one that was composed: bounds as those are, each by itself. They are found beside
+/// the first of the references, the finest, until a mesh is coarse enough for the second.
 pub fn tightened(course: &Course<'_>, references: &[Reference], limits: Limits) -> Vec<f32> {
     let composed = course.collapses.iter().map(|collapse| collapse.error);
     let [reference, coarser @ ..] = references else { return composed.collect() };
     let coarse = coarser.first();
     let mut cover = Cover::new(course, reference, coarse, limits);
-    let mut last = 0.0_f32;
-    let errors = course.collapses.iter().map(|collapse| {
+    let mut dropped = course.dropped.iter().peekable();
+    let errors = course.collapses.iter().enumerate().map(|(place, collapse)| {
         if coarse.is_none_or(|coarse| limits.next_ratio * cover.alive > coarse.triangle_count()) {
+            while let Some((_, ball)) = dropped.next_if(|(at, _)| *at == place) {
+                // What is dropped is small beside what was composed, and has to be beside what is found.
+                cover.floor = collapse.error;
+                cover.balls.push(*ball);
+            }
             cover.go_on(collapse);
-            last = cover.error().min(collapse.error).max(last);
-            return last;
+            return cover.error().min(collapse.error);
         }
         collapse.error
     });
@@ -98,6 +108,9 @@ struct Cover<'a> {
     has_begun: bool,
     /// All that is held is within this; infinite once it is given up.
     reached: f64,
+    /// What was left behind, and what errors are at least for it.
+    balls: Vec<DroppedComponent>,
+    floor: f32,
     /// Triangles of the reference that could not be shown to be as near as was composed, and the error at which that was tried.
     pending: Vec<u32>,
     tried_at: f32,
@@ -147,6 +160,8 @@ impl<'a> Cover<'a> {
             alive: faces,
             has_begun: false,
             reached: f64::INFINITY,
+            balls: course.dropped_before.to_vec(),
+            floor: 0.0,
             pending: Vec::new(),
             tried_at: 0.0,
             loss: LOSS * reference.scale(),
@@ -177,7 +192,7 @@ impl<'a> Cover<'a> {
     /// Bound on the error of the mesh; infinite where there is none.
     fn error(&self) -> f32 {
         if self.has_begun && self.pending.is_empty() {
-            round_up(self.reached + self.loss)
+            round_up(self.reached + self.loss).max(self.floor)
         } else {
             f32::INFINITY
         }

@@ -87,7 +87,8 @@ impl Cover<'_> {
         over.clear();
         let around = target.around(self.reached);
         let looked_at = reference.tree.meeting(&reference.targets, &mut self.search, &around, |triangle| {
-            if which != FINE || seen.at[holders[triangle as usize] as usize] == seen.turn {
+            let holder = holders[triangle as usize] as usize;
+            if which != FINE || seen.at.get(holder).is_some_and(|turn| *turn == seen.turn) {
                 over.push(triangle);
             }
         });

@@ -1,5 +1,6 @@
 //! A mesh of all of the source, finer than what is held against it.
 
+use super::islands::Islands;
 use super::target::Target;
 use super::tree::BoxTree;
 use chpm_mesh::geom::to_f64;
@@ -19,6 +20,7 @@ pub struct Reference {
     pub(crate) tree: BoxTree,
     /// The error of most of them, at most.
     pub(crate) usual_error: f64,
+    pub(crate) islands: Islands,
 }
 
 impl Reference {
@@ -55,6 +57,7 @@ impl Reference {
         }
         self.triangles.iter_mut().for_each(|t| *t = t.map(|v| joined[v as usize]));
         self.number_edges();
+        self.islands = Islands::new(self.points.len(), &self.triangles);
 
         let all = 0..self.triangles.len() as u32;
         self.targets = all.clone().map(|index| Target::new(self.corners(index).map(to_f64))).collect();
