@@ -53,11 +53,11 @@ struct File {
     settings: Settings,
 }
 
-/// Settings of one origin: names of options with what is typed for them.
+/// Settings of one origin: names of options with what is typed for them, once or several times.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Layer {
     pub(crate) from: String,
-    settings: BTreeMap<String, String>,
+    settings: BTreeMap<String, Vec<String>>,
 }
 
 /// Nothing but settings and resources.
@@ -93,7 +93,7 @@ pub(crate) fn layers(args: &ConfigArgs, source: Option<&Path>) -> Result<Vec<Lay
     }
     if let Some(preset) = preset {
         let settings =
-            preset.settings().iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned()));
+            preset.settings().iter().map(|(name, value)| ((*name).to_owned(), vec![(*value).to_owned()]));
         layers.push(Layer { from: format!("preset {}", preset.name()), settings: settings.collect() });
     }
     Ok(layers)
@@ -110,13 +110,14 @@ pub(crate) fn text(path: &Path, most: Bytes) -> Result<String> {
 }
 
 /// `--name=value` and `--name` as names and values.
-fn split(words: &[String]) -> BTreeMap<String, String> {
-    let pairs = words.iter().map(|word| {
+fn split(words: &[String]) -> BTreeMap<String, Vec<String>> {
+    let mut settings: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    for word in words {
         let word = word.trim_start_matches('-');
         let (name, value) = word.split_once('=').unwrap_or((word, ""));
-        (name.to_owned(), value.to_owned())
-    });
-    pairs.collect()
+        settings.entry(name.to_owned()).or_default().push(value.to_owned());
+    }
+    settings
 }
 
 /// A command line with what the layers add to it, and from where each of these options comes.
@@ -129,9 +130,11 @@ pub(crate) fn merged(
     let (mut added, mut origins) = (Vec::new(), BTreeMap::new());
     for layer in layers {
         let free: Vec<_> = layer.settings.iter().filter(|(name, _)| is_free(name, &taken)).collect();
-        for (name, value) in free {
-            let equals = if value.is_empty() { "" } else { "=" };
-            added.push(OsString::from(format!("--{name}{equals}{value}")));
+        for (name, values) in free {
+            added.extend(values.iter().map(|value| {
+                let equals = if value.is_empty() { "" } else { "=" };
+                OsString::from(format!("--{name}{equals}{value}"))
+            }));
             origins.insert(name.clone(), layer.from.clone());
             taken.insert(name.clone());
         }
@@ -175,10 +178,9 @@ pub(crate) fn effective(words: &[OsString], layers: &[Layer]) -> Result<Vec<Effe
         let (id, name) = (arg.get_id().as_str(), arg.get_long().unwrap_or_default());
         let value = match arg.get_action() {
             clap::ArgAction::SetTrue => verb.get_flag(id).to_string(),
-            _ => verb
-                .get_raw(id)
-                .and_then(Iterator::last)
-                .map_or("none".to_owned(), |raw| raw.to_string_lossy().into_owned()),
+            _ => verb.get_raw(id).map_or("none".to_owned(), |all| {
+                all.map(|raw| raw.to_string_lossy()).collect::<Vec<_>>().join(", ")
+            }),
         };
         let from = match (origins.get(name), verb.value_source(id)) {
             (Some(origin), _) => origin.clone(),
@@ -207,7 +209,7 @@ mod tests {
 
     fn layer(from: &str, settings: &[(&str, &str)]) -> Layer {
         let settings =
-            settings.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
+            settings.iter().map(|(name, value)| ((*name).to_owned(), vec![(*value).to_owned()])).collect();
         Layer { from: from.to_owned(), settings }
     }
 

@@ -32,7 +32,7 @@ pub(crate) struct CrsArgs {
     #[arg(long, value_name = "EPSG:CODE", conflicts_with = "origin")]
     crs: Option<Crs>,
     /// Metres to add to heights that are not above the ellipsoid: how far above it the sea level of that place is, from -107 to 86
-    #[arg(long, value_name = "METRES", allow_hyphen_values = true, value_parser = number::finite)]
+    #[arg(long, value_name = "METRES", allow_hyphen_values = true, value_parser = number::finite, conflicts_with = "origin")]
     geoid: Option<f64>,
 }
 

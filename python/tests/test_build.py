@@ -305,10 +305,9 @@ def test_a_simplified_mesh_is_what_the_command_writes(source, tmp_path):
         chpm.simplify(source, within="1%", effort=4)
     with pytest.raises(chpm.SelectionError, match="give within"):
         chpm.simplify(source, triangles=900, effort=1)
-    with pytest.raises(chpm.SelectionError):
-        chpm.simplify(source)
-    with pytest.raises(chpm.SelectionError):
-        chpm.simplify(source, within=1, triangles=3)
+    for wrong in [dict(), dict(within=1, triangles=3)]:
+        with pytest.raises(chpm.SelectionError, match="within or triangles"):
+            chpm.simplify(source, **wrong)
     with pytest.raises(TypeError, match="without faces"):
         chpm.simplify(points, triangles=3)
 

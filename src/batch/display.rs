@@ -50,12 +50,11 @@ impl Display {
     /// A model has ended.
     pub(super) fn end(&self, meter: ModelMeter, row: &Row) {
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
-        let text = match row.status {
-            Status::Built => {
-                format!("{}: {:.2} s, {}", row.name, row.seconds, Counted(row.triangles, "triangle"))
-            }
-            _ => format!("{}: {}", row.name, row.error.as_deref().unwrap_or("stopped")),
+        let what = match row.status {
+            Status::Built => format!("{:.2} s, {}", row.seconds, Counted(row.triangles, "triangle")),
+            _ => in_line(row.error.as_deref().unwrap_or("stopped")).into_owned(),
         };
+        let text = format!("{}: {what}", meter.name);
         if let Some(bar) = &meter.bar {
             bar.finish_and_clear();
         }

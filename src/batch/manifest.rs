@@ -38,6 +38,8 @@ pub(crate) enum Value {
     Whole(i64),
     Number(f64),
     Text(String),
+    /// Of an option that can be given several times.
+    List(Vec<Value>),
 }
 
 /// A model of the list; its source is relative to where the list's is, its settings are arguments of the command line.
@@ -76,14 +78,18 @@ pub(super) fn read(path: &Path) -> Result<Vec<Listed>> {
 
 /// `name = value` as it is typed; a switch that is off is not typed.
 pub(crate) fn arguments(settings: &Settings) -> Vec<String> {
-    let arguments = settings.iter().filter_map(|(name, value)| match value {
-        Value::Switch(true) => Some(format!("--{name}")),
-        Value::Switch(false) => None,
-        Value::Whole(n) => Some(format!("--{name}={n}")),
-        Value::Number(x) => Some(format!("--{name}={x}")),
-        Value::Text(text) => Some(format!("--{name}={text}")),
-    });
-    arguments.collect()
+    settings.iter().flat_map(|(name, value)| typed(name, value)).collect()
+}
+
+fn typed(name: &str, value: &Value) -> Vec<String> {
+    match value {
+        Value::Switch(true) => vec![format!("--{name}")],
+        Value::Switch(false) => Vec::new(),
+        Value::Whole(n) => vec![format!("--{name}={n}")],
+        Value::Number(x) => vec![format!("--{name}={x}")],
+        Value::Text(text) => vec![format!("--{name}={text}")],
+        Value::List(values) => values.iter().flat_map(|value| typed(name, value)).collect(),
+    }
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use super::summary::{Status, Summary};
 use crate::cmd;
 use crate::number::Short;
 use anyhow::Result;
+use chpm_export::uri;
 use chpm_mesh::Bytes;
 use chpm_report::page::{self, Card};
 use std::path::{MAIN_SEPARATOR, Path};
@@ -21,16 +22,16 @@ pub(crate) fn index(summary: &Summary, folder: &Path) -> Result<String> {
             warnings: &row.warnings,
             picture: is_there.then(|| picture(&row.output).ok()).flatten(),
             facts: format!("{}, {}{seconds}", Short(row.triangles).of("triangle"), Bytes(row.output_bytes)),
-            link: row
-                .output
-                .strip_prefix(folder)
-                .unwrap_or(&row.output)
-                .display()
-                .to_string()
-                .replace(MAIN_SEPARATOR, "/"),
+            link: address(row.output.strip_prefix(folder).unwrap_or(&row.output)),
         });
     }
     Ok(page::index(&summary.line(), cards)?)
+}
+
+/// A relative path as a browser takes it, whatever its names are made of.
+fn address(path: &Path) -> String {
+    let path = path.display().to_string();
+    path.split(MAIN_SEPARATOR).map(uri).collect::<Vec<_>>().join("/")
 }
 
 fn picture(path: &Path) -> Result<String> {

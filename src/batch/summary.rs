@@ -1,6 +1,7 @@
 //! Results of every model: a table for people, JSON and CSV for programs, and the merging of several machines' results.
 
 use super::shard::Shard;
+use crate::escape::in_line;
 use crate::json;
 use crate::report::{self, count, per_triangle};
 use anyhow::{Context, Result, ensure};
@@ -148,7 +149,10 @@ impl Summary {
 
     /// Errors of models that failed, one a line.
     pub(crate) fn errors(&self) -> impl Iterator<Item = String> {
-        self.models.iter().filter_map(|row| row.error.as_ref().map(|error| format!("{}: {error}", row.name)))
+        let told = |row: &Row| {
+            row.error.as_ref().map(|error| in_line(&format!("{}: {error}", row.name)).into_owned())
+        };
+        self.models.iter().filter_map(told)
     }
 
     /// A row for each model.
@@ -166,7 +170,7 @@ impl Summary {
                 None => row.reason.clone(),
             };
             vec![
-                row.name.clone(),
+                in_line(&row.name).into_owned(),
                 row.status.word().to_owned(),
                 format!("{:.2}", row.seconds),
                 triangles,

@@ -106,6 +106,7 @@ const SHEET: [Side; 6] = [Side::Front, Side::Right, Side::Iso, Side::Back, Side:
 
 /// Draws and writes.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
+    args.poses.check(args.second.as_deref())?;
     if args.rays.rays {
         return rays::run(args, stop);
     }
@@ -115,7 +116,6 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         _ => bail!("several lights: only --rays draws them; add it, or give --light once"),
     };
     let cancel = stop.heed();
-    args.poses.check(args.second.as_deref())?;
     let pngs = outputs(args)?;
     let mut out = output::messages(&pngs, args.json, false)?;
 

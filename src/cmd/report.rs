@@ -4,6 +4,7 @@ use super::{Verdict, open, reading};
 use crate::json::{self, made, named};
 use crate::memory::{self, MemoryArgs};
 use crate::output;
+use crate::stop::{self, Stop};
 use anyhow::{Context, Result, ensure};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
@@ -41,7 +42,7 @@ pub(crate) struct Args {
 }
 
 /// Writes the page.
-pub(crate) fn run(args: &Args) -> Result<Verdict> {
+pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let file = open(&args.file)?;
     let other = args.compare.as_deref().map(open).transpose()?;
     let memory = args.memory.memory();
@@ -54,19 +55,21 @@ pub(crate) fn run(args: &Args) -> Result<Verdict> {
         }
     }
 
+    let cancel = stop.heed();
     let mut inputs = vec![args.file.as_path()];
     inputs.extend(args.compare.as_deref().into_iter().chain(args.built.as_deref()));
     let mut html = output::REPORT.create(&args.output, args.force, &inputs)?;
     let mut out = output::messages([&html], args.json, args.quiet)?;
     let built = args.built.as_deref().map(built).transpose()?;
     let other = match (&args.compare, &other) {
-        (Some(path), Some(file)) => Some(reading(file, || Ok(Shown::new(name(path), file)?))?),
+        (Some(path), Some(file)) => Some(reading(file, || Ok(Shown::new(name(path), file, &cancel)?))?),
         _ => None,
     };
     let text = reading(&file, || {
-        let shown = Shown::new(name(&args.file), &file)?;
+        let shown = Shown::new(name(&args.file), &file, &cancel)?;
         Ok(page::html(&shown, other.as_ref(), built.as_ref())?)
     })?;
+    stop::check(&cancel)?;
     html.write_all(text.as_bytes())?;
     html.publish()?;
 

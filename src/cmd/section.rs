@@ -217,7 +217,7 @@ impl Work<'_> {
         if args.json {
             json::print(&document, &mut out)?;
         } else {
-            print(&document, pages, &mut out)?;
+            print(&document, &sheet, pages, &mut out)?;
         }
         out.flush()?;
         document.warnings.iter().for_each(|warning| line(&format!("warning: {warning}")));
@@ -280,11 +280,11 @@ fn summary(section: &Section) -> made::PlaneSection {
     }
 }
 
-fn print(told: &made::Section, pages: Pages, out: &mut impl Write) -> Result<()> {
+fn print(told: &made::Section, sheet: &Sheet, pages: Pages, out: &mut impl Write) -> Result<()> {
     let row = |section: &made::PlaneSection| {
         let made::PlaneSection { offset, lines, closed, open_ends, length, area, .. } = section;
         let [length, area] = [length, area].map(|x| Units(*x).to_string());
-        vec![offset.to_string(), count(*lines), count(*closed), count(*open_ends), length, area]
+        vec![sheet.height(*offset), count(*lines), count(*closed), count(*open_ends), length, area]
     };
     let header = ["at", "lines", "closed", "open ends", "length", "area"];
     writeln!(out, "{}", table(&header, told.sections.iter().map(row)))?;

@@ -7,8 +7,9 @@ use crate::memory::{self, MemoryArgs};
 use crate::output;
 use crate::progress::line;
 use crate::stats_tables;
+use crate::stop::Stop;
 use anyhow::{Context, Result, anyhow};
-use chpm_extmem::MappedFile;
+use chpm_extmem::{Cancel, MappedFile};
 use chpm_format::Chpm;
 use chpm_report::ReportError;
 use chpm_report::stats::{self, Stats};
@@ -44,22 +45,22 @@ pub(crate) struct Args {
 }
 
 /// Reads every page, and tells.
-pub(crate) fn run(args: &Args) -> Result<Verdict> {
+pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let file = open(&args.file)?;
     let h = file.header();
     let [shared, cluster] = stats::MEMORY;
     let own = shared * u64::from(h.shared_vertex_count) + cluster * u64::from(h.cluster_count);
     memory::divide(&file, args.memory.memory(), own)?;
-    reading(&file, || tell(&file, args))
+    reading(&file, || tell(&file, args, &stop.heed()))
 }
 
-fn tell(file: &Chpm<MappedFile>, args: &Args) -> Result<Verdict> {
+fn tell(file: &Chpm<MappedFile>, args: &Args, cancel: &Cancel) -> Result<Verdict> {
     let mut inputs = vec![args.file.as_path()];
     inputs.extend(args.measured.as_deref());
     let csv =
         args.csv.as_ref().map(|path| output::STATS_CSV.create(path, args.force, &inputs)).transpose()?;
     let mut out = output::messages(&csv, args.json, args.quiet)?;
-    let (rows, borders) = stats::rows(file)?;
+    let (rows, borders) = stats::rows(file, cancel)?;
     let mut stats = Stats::new(args.file.display().to_string(), file, &rows, &borders);
     args.measured.as_ref().map_or(Ok(()), |measured| add_measured(&mut stats, measured))?;
     // An assertion that means nothing is an error before anything is written.

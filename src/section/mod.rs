@@ -15,7 +15,6 @@ pub(crate) use scale::{Ratio, Scale};
 pub(crate) use window::Slicing;
 
 use crate::georeference::Placed;
-use crate::number::Units;
 use crate::tolerance::Unit;
 use anyhow::Result;
 use chpm_extmem::MappedFile;
@@ -59,8 +58,11 @@ impl Sheet {
         let (header, bounds) = (slicer.file().header(), slicer.bounds().unwrap_or([[0.0; 2]; 2]));
         let [low, high] = bounds;
         let name = name.file_stem().unwrap_or_default().to_string_lossy();
+        let decimals = decimals(header.aabb().diagonal());
         let cut = match every {
-            Some(Every { axis, step }) => format!("{} every {}", axis.name(), Units(step)),
+            Some(Every { axis, step }) => {
+                format!("{} every {}", axis.name(), trimmed(step, decimals_of(step, decimals)))
+            }
             None => {
                 let [x, y, z] = planes.normal().map(|x| (1e4 * x).round() / 1e4);
                 format!("{x},{y},{z}:{}", planes.offsets().first().copied().unwrap_or(0.0))
@@ -73,7 +75,7 @@ impl Sheet {
             bounds,
             offsets: planes.offsets().to_vec(),
             contours: every.map(|Every { axis, step }| (axis, step)),
-            decimals: decimals(header.aabb().diagonal()),
+            decimals,
             scale: Scale::of([high[0] - low[0], high[1] - low[1]], scale.0, scale.1),
             placed: None,
         }
@@ -90,11 +92,19 @@ impl Sheet {
     }
 
     /// The name of a plane's height or distance, by the step that they have.
-    fn height(&self, offset: f64) -> String {
-        let decimals =
-            self.contours.map_or(self.decimals, |(_, step)| (2.0 - step.log10().floor()).max(0.0) as usize);
-        trimmed(offset, decimals)
+    pub(crate) fn height(&self, offset: f64) -> String {
+        trimmed(offset, self.contours.map_or(self.decimals, |(_, step)| decimals_of(step, self.decimals)))
     }
+}
+
+/// Digits behind the point of multiples of a step: so many that it has three in all, and more where it is only told by them.
+fn decimals_of(step: f64, most: usize) -> usize {
+    let least = (2.0 - step.log10().floor()).max(0.0) as usize;
+    let tells = |decimals: &usize| {
+        let told: f64 = format!("{step:.decimals$}").parse().unwrap_or(f64::NAN);
+        (told - step).abs() <= 1e-9 * step
+    };
+    (least..=most).find(tells).unwrap_or(least.max(most))
 }
 
 /// A number without zeros at its end.
@@ -106,7 +116,7 @@ fn trimmed(x: f64, decimals: usize) -> String {
 
 /// Decimals of coordinates in a model of such a diagonal.
 pub(crate) fn decimals(diagonal: f64) -> usize {
-    if diagonal > 0.0 { (9.0 - diagonal.log10().floor()).clamp(0.0, 15.0) as usize } else { 15 }
+    if diagonal > 0.0 { (9.0 - diagonal.log10().floor()).max(0.0) as usize } else { 15 }
 }
 
 /// A file of sections that is being written.

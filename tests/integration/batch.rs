@@ -49,6 +49,15 @@ fn no_model_has_less_than_the_least_memory() {
 }
 
 #[test]
+#[cfg(unix)]
+fn a_name_of_two_lines_is_told_in_one() {
+    let folder = scans();
+    std::fs::rename(folder.path("in/bad.ply"), folder.path("in/b\nad.ply")).expect("a move");
+    let table = text(&folder.chpm("batch in -o out").code(1).get_output().stdout);
+    assert!(table.contains(" b\\u000aad ") && !table.contains("\nad"), "{table}");
+}
+
+#[test]
 fn a_failure_stops_no_other_and_only_what_is_left_is_built_again() {
     let folder = scans();
     let printed = text(&folder.chpm(&format!("batch in {BATCH} --jobs 2")).code(1).get_output().stdout);

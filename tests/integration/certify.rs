@@ -353,6 +353,22 @@ fn a_mesh_is_taken_further_than_the_file_goes() {
     }
 }
 
+/// A proof may reach its limit, and is told by the next single: that is never beyond what was asked for.
+#[test]
+fn what_is_within_a_distance_is_told_to_be() {
+    let folder = Folder::new();
+    for (shape, shares) in [("sphere", ["7%", "12%"]), ("torus", ["9%", "10%"])] {
+        folder.stdout(&format!("synth {shape} --triangles 2000 -o in.ply -qf"));
+        for share in shares {
+            let simplify = format!("simplify in.ply --within {share} -o out.ply -qf --json");
+            let told = json(&folder, &simplify, 0);
+            let share: f64 = share.trim_end_matches('%').parse().expect("a number");
+            let asked = 0.01 * share * number(&told["diagonal"]);
+            assert!((0.9 * asked..=asked).contains(&number(&told["distance"])), "{shape} {share}: {told}");
+        }
+    }
+}
+
 /// A mesh that is stored to be far away, of which the truth is known: a little more is proven, and a little less is not.
 #[test]
 fn only_what_is_true_is_proven_anew() {

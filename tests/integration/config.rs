@@ -77,6 +77,20 @@ fn files_are_named_or_beside_and_can_be_left_alone() {
 }
 
 #[test]
+fn what_can_be_given_several_times_is_a_list() {
+    let folder = scan();
+    folder.write("in/chpm.toml", "[settings]\nkeep = ['time', 'class']\n");
+    assert_eq!(effective(&folder, "in/scan.ply")["keep"], told("time, class", "in/chpm.toml"));
+    let typed = effective(&folder, "in/scan.ply --keep quality --keep time");
+    assert_eq!(typed["keep"], told("quality, time", "command line"));
+    let refused = folder.stderr("build in/scan.ply -q", 2);
+    assert!(refused.contains("no scalar 'time' to keep"), "{refused}");
+    folder.write("in/chpm.toml", "[settings]\nseed = [1, 2]\n");
+    let refused = folder.stderr("build in/scan.ply -q", 2);
+    assert!(refused.contains("in/chpm.toml") && refused.contains("--seed"), "{refused}");
+}
+
+#[test]
 fn wrong_files_are_refused_with_their_names() {
     let folder = scan();
     for (content, word) in [

@@ -160,6 +160,9 @@ fn sections_are_in_longitude_and_latitude() {
     folder.stdout("build hills.ply -q");
     let error = folder.stderr("section hills.chpm --every 100 -o lines.geojson -q", 2);
     assert!(error.contains("--crs"), "{error}");
+    let error =
+        folder.stderr("section hills.chpm --every 100 --origin 1,2,3 --geoid 40 -o lines.geojson -q", 2);
+    assert!(error.contains("cannot be used"), "{error}");
     folder.stdout("section hills.chpm --every 100 --crs EPSG:32633 -o lines.geojson -q");
     let lines = json(&folder.path("lines.geojson"));
     let mut count = 0;
@@ -188,6 +191,7 @@ fn what_is_no_system_is_refused() {
         ("--crs EPSG:32633 --transform 1,0,0,0,0,1,0,0,0,0,1,0,5,6,7,1", "cannot be used"),
         ("--crs EPSG:32633 --up y", "--up"),
         ("--geoid 40", "--crs"),
+        ("--geoid 40 --origin 1,2,3", "cannot be used"),
         ("--crs EPSG:32633 --geoid nan", "no number"),
     ] {
         let error = folder.stderr(&format!("export hills.chpm --3dtiles new -q {words}"), 2);

@@ -87,6 +87,13 @@ fn too_little_memory_is_refused_with_a_figure_that_suffices() {
         "path dive in.chpm -o out.path",
         "compare in.chpm in.chpm -q",
         "distance in.chpm in.chpm -q",
+        // One thread is enough, however many there are.
+        "thickness in.chpm -q --threads 64",
+        "visible in.chpm --from 9,9,9 -q --threads 64",
+        "section in.chpm --plane 0,0,1:0 -q --threads 64",
+        "export in.chpm --3dtiles tiles -q --threads 64",
+        "export in.chpm --meshlets out.meshlets -q --threads 64",
+        "render in.chpm --rays --viewport 16x16 -o out.png -q --threads 64",
     ] {
         let error = folder.stderr(&format!("{words} --memory 16M"), 2);
         let figure =

@@ -192,14 +192,15 @@ fn a_batch_has_an_index_with_failures_first() {
     let folder = Folder::new();
     std::fs::create_dir_all(folder.path("in/deep")).expect("a folder");
     folder.stdout("synth terrain --triangles 3000 -o in/a.ply -q");
-    folder.stdout("synth sphere --triangles 3000 -o in/deep/c.ply -q");
+    folder.stdout("synth sphere --triangles 3000 -o c.ply -q");
+    std::fs::rename(folder.path("c.ply"), folder.path("in/deep/c #1%.ply")).expect("a move");
     folder.write("in/b<b>.ply", "no mesh");
     folder.chpm("batch in -o out -q --report").code(1);
     let html = text(&folder.read("out/index.html"));
     let cards: Vec<&str> = html.split("<div class=\"card").skip(2).collect();
     assert_eq!(cards.len(), 3, "{html}");
     assert!(cards[0].starts_with(" failed") && cards[0].contains("b&#60;b&#62;") && !html.contains("b<b>"));
-    for (card, link) in cards[1..].iter().zip(["a.chpm", "deep/c.chpm"]) {
+    for (card, link) in cards[1..].iter().zip(["a.chpm", "deep/c%20%231%25.chpm"]) {
         assert!(
             card.contains(&format!("href=\"{link}\"")) && colors(between(card, "base64,", "\"")).1 > 5000
         );

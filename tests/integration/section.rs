@@ -94,6 +94,21 @@ fn formats_have_the_same_lines() {
 }
 
 #[test]
+fn lines_of_the_smallest_models_have_all_digits() {
+    let folder = Folder::new();
+    let header = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+                  element face 4\nproperty list uchar int vertex_indices\nend_header\n";
+    let corners = "0 0 0\n4e-20 0 0\n0 4e-20 0\n0 0 4e-20\n";
+    folder.write("dot.ply", format!("{header}{corners}3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n"));
+    folder.stdout("build dot.ply -q");
+    folder.stdout("section dot.chpm --plane 0,0,1:1e-20 -o dot.csv -q");
+    let rows = String::from_utf8(folder.read("dot.csv")).expect("text");
+    let farthest = rows.lines().skip(1).filter_map(|row| row.split(',').nth(4)?.parse().ok());
+    let farthest = farthest.fold(0.0, f64::max);
+    assert!((farthest - 3e-20).abs() < 1e-26, "{rows}");
+}
+
+#[test]
 fn neither_threads_nor_orders_nor_packing_nor_memory_show() {
     let folder = site();
     folder.stdout("relayout land.chpm -o levels.chpm --order levels -q");
@@ -159,6 +174,12 @@ fn what_makes_no_sense_is_refused_with_a_remedy() {
         assert!(error.contains(told), "{words}: {error}");
     }
     assert_eq!(folder.names(), before);
+    let feet = folder.stdout("section ball.chpm --every 0.3048 -q");
+    assert!(feet.contains(" 0.9144 ") && feet.contains(" -0.3048 "), "{feet}");
+    let tenths = folder.stdout("section ball.chpm --every 0.1 -q");
+    assert!(tenths.contains(" 0.3 ") && !tenths.contains("00000"), "{tenths}");
     let beside = folder.stderr("section ball.chpm --plane 0,0,1:5 -q -o a.svg", 0);
     assert!(beside.contains("no plane cuts the model"), "{beside}");
+    let nothing = folder.stdout("section ball.chpm --plane 0,0,1:5 -q --json");
+    assert!(!nothing.contains("-0"), "{nothing}");
 }

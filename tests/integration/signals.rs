@@ -54,6 +54,29 @@ fn a_simplification_whose_terminal_is_closed_leaves_nothing() {
 }
 
 #[test]
+fn a_report_that_is_stopped_leaves_nothing() {
+    let folder = Folder::new();
+    folder.stdout("synth isosurface --triangles 200000 -o in.ply -q");
+    folder.stdout("build in.ply -q");
+    let before = folder.names();
+    for words in ["report in.chpm -o out.html -q", "stats in.chpm --csv out.csv -q"] {
+        let mut child = folder.command(words).stderr(Stdio::null()).spawn().expect("a process");
+        // What it writes is there from the beginning.
+        while folder.names() == before && child.try_wait().expect("a process").is_none() {}
+        send(&child, Signal::SIGTERM);
+        match child.wait().expect("an end").code() {
+            Some(143) => assert_eq!(folder.names(), before, "{words}"),
+            // It may have been faster than the signal.
+            code => {
+                assert_eq!(code, Some(0), "{words}");
+                let output = words.split(' ').find(|word| word.starts_with("out.")).expect("a name");
+                std::fs::remove_file(folder.path(output)).expect("the output");
+            }
+        }
+    }
+}
+
+#[test]
 fn who_is_told_to_outlive_its_terminal_does() {
     let folder = Folder::new();
     folder.stdout("synth isosurface --triangles 100000 -o in.ply -q");

@@ -234,6 +234,7 @@ fn options_of_rays_are_checked() {
         ("--rays --adapter software", "--adapter"),
         ("--rays --triangles 100", "--triangles"),
         ("--rays --memory 1M", "--memory"),
+        ("--rays --pose 1,0,0", "a pose needs a second model"),
         ("--rays --color-by quality", "has no scalars"),
         ("--rays --camera 0,0,0,0,0,0", "a target away from the position"),
         ("--ground", "--rays"),

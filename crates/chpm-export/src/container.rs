@@ -69,7 +69,7 @@ impl<W: Write> Container<W> {
 }
 
 /// A relative address of a file in the same folder.
-pub(crate) fn uri(name: &str) -> String {
+pub fn uri(name: &str) -> String {
     let mut uri = String::with_capacity(name.len());
     for byte in name.bytes() {
         match byte {

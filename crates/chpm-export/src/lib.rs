@@ -24,7 +24,7 @@ mod turn;
 mod vertex;
 
 pub use atlas::Atlases;
-pub use container::Container;
+pub use container::{Container, uri};
 pub use error::ExportError;
 pub use glb::{Extent, GlbWriter};
 pub use gltf::{Facts, Placement};

@@ -115,9 +115,12 @@ pub(crate) fn is_text(head: &[u8]) -> bool {
     !head.iter().any(|byte| matches!(byte, 0..=8 | 14..=31))
 }
 
-/// A text without the mark of its encoding, which text editors put before what they save.
+/// Mark of their encoding that text editors put before what they save.
+pub(crate) const MARK: &[u8] = b"\xef\xbb\xbf";
+
+/// A text without that mark.
 pub(crate) fn without_mark(text: &[u8]) -> &[u8] {
-    text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text)
+    text.strip_prefix(MARK).unwrap_or(text)
 }
 
 /// The first line that is no comment; empty if there is none.

@@ -11,6 +11,7 @@
 #![forbid(unsafe_code)]
 
 mod batch;
+mod color_scale;
 mod conf;
 mod corner_normals;
 mod error;

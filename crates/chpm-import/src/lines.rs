@@ -1,6 +1,7 @@
 //! Text line by line, from a window of fixed size.
 
 use super::error::ImportError;
+use super::format::MARK;
 use crate::location::{SourceLocation, excerpt};
 use std::io::{self, Read};
 
@@ -80,6 +81,9 @@ impl<R: Read> Lines<R> {
     fn take(&mut self, len: usize, end_len: usize) {
         (self.from, self.to) = (self.next, self.next + len);
         self.next += len + end_len;
+        if self.line == 1 && self.current().starts_with(MARK) {
+            self.from += MARK.len();
+        }
     }
 
     /// Reads at least one byte more; false at the end of the input.
@@ -107,6 +111,11 @@ impl<R: Read> Lines<R> {
         }
         Ok(false)
     }
+}
+
+/// A line without its comment.
+pub(super) fn meaning(line: &[u8]) -> &[u8] {
+    line.split(|byte| *byte == b'#').next().unwrap_or_default()
 }
 
 /// The words of a line.

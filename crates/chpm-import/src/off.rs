@@ -1,9 +1,10 @@
 //! OFF, as text or binary: positions, normals, colours and polygons; what else there is, is left out with a warning.
 
 use super::error::ImportError;
-use super::format::{Format, Likeness, first_line, is_text, without_mark};
-use super::lines::{Lines, number, words};
+use super::format::{Format, Likeness, first_line, is_text};
+use super::lines::{Lines, meaning, number, words};
 use crate::batch::{Batch, BatchKind, MAX_CORNERS, MAX_VERTICES, Tally};
+use crate::color_scale::ColorScale;
 use crate::location::SourceLocation;
 use crate::options::{Invalid, Options};
 use crate::ply::Warning;
@@ -74,6 +75,7 @@ struct OffReader<R> {
     tally: Tally,
     further_numbers: u64,
     colored_faces: u64,
+    colors: ColorScale,
     /// Where data begins that belongs to no face.
     trailing: Option<u64>,
     has_ended: bool,
@@ -127,6 +129,7 @@ impl<R: Read> OffReader<R> {
             tally: Tally::default(),
             further_numbers: 0,
             colored_faces: 0,
+            colors: ColorScale::default(),
             trailing: None,
             has_ended: false,
             has_failed: false,
@@ -211,7 +214,7 @@ impl<R: Read> OffReader<R> {
             rest = &rest[..rest.len().saturating_sub(2)];
         }
         if self.attributes.colors {
-            batch.vertices.colors.push(color(rest));
+            self.colors.push(rest, &mut batch.vertices.colors);
         }
         self.further_numbers += u64::from(!self.keyword.color && !rest.is_empty());
         self.read[0] += 1;
@@ -335,7 +338,7 @@ impl<R: Read> Body<R> {
                     if !is_line {
                         return Err(ImportError::Truncated { place, expected: COUNTS.to_owned() });
                     }
-                    for word in words(meaning(without_mark(lines.current()))) {
+                    for word in words(meaning(lines.current())) {
                         if std::mem::take(&mut skips) {
                             continue;
                         }
@@ -485,11 +488,6 @@ fn header_len(head: &[u8]) -> usize {
     at
 }
 
-/// A line without its comment.
-fn meaning(line: &[u8]) -> &[u8] {
-    line.split(|byte| *byte == b'#').next().unwrap_or_default()
-}
-
 /// Goes to the next line that says something.
 fn advance<R: Read>(lines: &mut Lines<R>) -> Result<bool, ImportError> {
     while lines.advance()? {
@@ -498,15 +496,6 @@ fn advance<R: Read>(lines: &mut Lines<R>) -> Result<bool, ImportError> {
         }
     }
     Ok(false)
-}
-
-/// Eight bits a channel. Numbers go from 0 to 1, or to 255 where one of them is larger; white where there are none.
-fn color(numbers: &[f64]) -> [u8; 4] {
-    let [r, g, b, rest @ ..] = numbers else { return [255; 4] };
-    let scale = if numbers.iter().any(|x| *x > 1.0) { 1.0 } else { 255.0 };
-    let alpha = rest.first().map_or(255.0, |alpha| alpha * scale);
-    // The cast clamps, and makes NaN zero.
-    [r * scale, g * scale, b * scale, alpha].map(|x| x.round() as u8)
 }
 
 #[cfg(test)]

@@ -156,6 +156,12 @@ pub fn round_up(value: f64) -> f32 {
     if f64::from(nearest) < value { nearest.next_up() } else { nearest }
 }
 
+/// A value that [`round_up`] takes to `bound` at most, and so every smaller one.
+#[inline]
+pub fn before_round_up(bound: f32) -> f64 {
+    f64::from(bound) * (1.0 - 2e-12)
+}
+
 /// The largest f32 that is not above a non-negative `value`.
 #[inline]
 pub fn round_down(value: f64) -> f32 {
@@ -171,6 +177,8 @@ mod tests {
     fn rounding_goes_the_way_that_it_is_called() {
         for value in [0.0, 1.0, 0.1, 1e-30, 1e-45, 3.4e38, 16777217.0] {
             assert!(f64::from(round_up(value)) >= value, "{value}");
+            let bound = value as f32;
+            assert_eq!(round_up(before_round_up(bound)), bound, "{value}");
             let low = round_down(value);
             assert!(f64::from(low) <= value && f64::from(low.next_up()) > value, "{value}");
         }

@@ -142,11 +142,11 @@ impl Shortfall {
     }
 }
 
-/// Bound that is left for a mesh that is rounded: never more than was asked for.
+/// Bound that is left for a mesh that is rounded: with that, and rounded up, it is never more than was asked for.
 fn left<D: AsRef<[u8]>>(file: &Chpm<D>, bound: Length, rounding: f64) -> f32 {
-    let bound = bound.of(file.header().aabb().diagonal());
+    let bound = geom::round_down(bound.of(file.header().aabb().diagonal()));
     match rounding > 0.0 {
-        true => ((bound - rounding) as f32).next_down().max(0.0),
-        false => geom::round_down(bound),
+        true => ((geom::before_round_up(bound) - rounding) as f32).next_down().max(0.0),
+        false => bound,
     }
 }

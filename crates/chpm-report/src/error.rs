@@ -1,5 +1,6 @@
 //! The reasons why a file could not be reported on.
 
+use chpm_extmem::Cancelled;
 use chpm_format::FormatError;
 use chpm_refine::RefineError;
 
@@ -13,6 +14,9 @@ pub enum ReportError {
     /// A cut of the file could not be made.
     #[error(transparent)]
     Refine(#[from] RefineError),
+    /// It was asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
     /// A plot has no place for what it was given.
     #[error("a plot cannot be drawn: {0}")]
     Plot(String),

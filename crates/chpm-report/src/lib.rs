@@ -12,7 +12,7 @@
 //!
 //! build(&source, &output, &BuildConfig::default(), &Silent, &Cancel::default())?;
 //! let file = Chpm::open(MappedFile::open(&output)?)?;
-//! let shown = Shown::new("ball.chpm".to_owned(), &file)?;
+//! let shown = Shown::new("ball.chpm".to_owned(), &file, &Cancel::default())?;
 //! assert_eq!(shown.stats.measures["triangles"], 1280.0);
 //! assert!(html(&shown, None, None)?.starts_with("<!DOCTYPE html>"));
 //! # Ok::<(), Box<dyn std::error::Error>>(())

@@ -21,15 +21,20 @@ pub struct Section {
     pub lines: Vec<Line>,
 }
 
+/// A sum that is 0 of no numbers, and not -0.
+fn sum(numbers: impl Iterator<Item = f64>) -> f64 {
+    numbers.sum::<f64>() + 0.0
+}
+
 impl Section {
     /// Area between lines of even depth and those in them.
     pub fn area(&self) -> f64 {
-        self.lines.iter().map(|line| if line.depth % 2 == 0 { line.area } else { -line.area }).sum()
+        sum(self.lines.iter().map(|line| if line.depth % 2 == 0 { line.area } else { -line.area }))
     }
 
     /// Length of all lines.
     pub fn length(&self) -> f64 {
-        self.lines.iter().map(|line| line.length).sum()
+        sum(self.lines.iter().map(|line| line.length))
     }
 
     /// Ends of lines that are not closed: where the surface has a boundary.

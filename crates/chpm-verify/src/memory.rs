@@ -9,6 +9,8 @@ use chpm_mesh::{Bytes, MemorySize};
 const PROGRAM: u64 = 24 << 20;
 /// Pages of the file, and work on them: some groups of clusters at a time, at least.
 const LEAST: u64 = 8 << 20;
+/// Multiple of bytes in which is told what is enough.
+const UNIT: u64 = 1 << 20;
 
 /// Divides `memory` by what reading `file` takes: the program, the tables, and `own` bytes that the verb has besides. Half of
 /// what is left is for pages of the file, which go when it is used up; the answer is the other half.
@@ -21,10 +23,12 @@ pub fn divide(file: &Chpm<MappedFile>, memory: Bytes, own: u64) -> Result<u64, V
 }
 
 /// How many threads find room in half of what `memory` leaves beside what reading `file` and the verb's `own` bytes take, at `each` bytes for a
-/// thread. One at least: whether there is room for that, [`divide`] says.
+/// thread, so that [`divide`] has enough for all of them. One at least: whether there is room for that, [`divide`] says.
 pub fn threads(file: &Chpm<MappedFile>, memory: Bytes, own: u64, each: u64) -> usize {
-    let left = memory.0.saturating_sub(fixed(file, own));
-    (left / 2 / each.max(1)).max(1) as usize
+    let fixed = fixed(file, own);
+    let left = memory.0.saturating_sub(fixed);
+    let most = (memory.0 / UNIT * UNIT).saturating_sub(fixed + LEAST);
+    ((left / 2).min(most) / each.max(1)).max(1) as usize
 }
 
 /// The same as [`divide`] for several files, each of which has an equal share of `memory`. What is told to be enough is for all of them.
@@ -64,5 +68,5 @@ fn fixed(file: &Chpm<MappedFile>, own: u64) -> u64 {
 
 /// The memory with which so many files can be read of which the one that takes most takes `fixed` bytes.
 fn least(files: usize, fixed: u64) -> u64 {
-    files as u64 * (fixed + LEAST).next_multiple_of(1 << 20)
+    files as u64 * (fixed + LEAST).next_multiple_of(UNIT)
 }

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from . import _chpm
 from ._arrays import Mesh, spooled
 from ._chpm import File, Selection
+from ._errors import SelectionError
 
 PathLike = Union[str, "os.PathLike[str]"]
 Progress = Callable[[str, int, int], Any]
@@ -158,6 +159,8 @@ def simplify(
     faces = source[1] if len(source) == 2 else None
     if faces is None and not isinstance(source[0], (str, os.PathLike)):
         raise TypeError("vertices without faces: give both")
+    if (within is None) == (triangles is None):
+        raise SelectionError("within or triangles expected, and not both: each says by itself how small")
     with _opened(source[0], faces, settings, settings.get("work_dir"), "arrays") as opened:
         return _chpm.simplify(opened, within, triangles, effort, settings, progress)
 

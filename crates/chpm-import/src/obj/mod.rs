@@ -7,8 +7,9 @@ mod wedges;
 
 use super::error::ImportError;
 use super::format::{Format, Likeness, first_line, is_text};
-use super::lines::{Lines, WINDOW, number, words};
+use super::lines::{Lines, WINDOW, meaning, number, words};
 use crate::batch::{Batch, BatchKind, MAX_VERTICES, Tally};
+use crate::color_scale::ColorScale;
 use crate::location::{SourceLocation, excerpt};
 use crate::options::{Invalid, Options};
 use crate::ply::Warning;
@@ -89,8 +90,7 @@ impl MeshReader for ObjMesh {
 ///
 /// Coordinates are text without a type and delivered as `f64`. Corners may be `v`, `v/vt`, `v//vn` or `v/vt/vn`, count from 1 or
 /// from the last vertex backwards (-1), and may name vertices that come later.
-/// A vertex has a colour if three more numbers follow its position, from 0 to 1, or from 0 to 255 where one of them exceeds 1;
-/// the first vertex decides for all. Normals belong to corners and are handed over as such.
+/// A vertex has a colour if three more numbers follow its position, from 0 to 1 or from 0 to 255; the first vertex decides for all whether there are any. Normals belong to corners and are handed over as such.
 pub struct ObjReader<R: Read> {
     lines: Lines<R>,
     /// A line that was joined from several.
@@ -109,6 +109,9 @@ struct Statements {
     /// Vertices and triangles that are read and not handed over yet.
     pending: Batch,
     colored: bool,
+    /// Whether colours are asked for.
+    wants_colors: bool,
+    color_scale: ColorScale,
     /// Whether normals are asked for.
     wants_normals: bool,
     /// Whether a corner without a normal was told.
@@ -160,11 +163,18 @@ impl<R: Read> ObjReader<R> {
     }
 
     fn with(reader: R, options: Options, wedges: Option<Box<Wedges>>) -> Result<Self, ImportError> {
-        let Options { invalid: invalid_data, colors: colored, normals: wants_normals, .. } = options;
+        let Options { invalid: invalid_data, colors: wants_colors, normals: wants_normals, .. } = options;
         let mut obj = ObjReader {
             lines: Lines::new(reader),
             joined: Vec::new(),
-            read: Statements { invalid_data, colored, wants_normals, wedges, ..Statements::default() },
+            read: Statements {
+                invalid_data,
+                colored: wants_colors,
+                wants_colors,
+                wants_normals,
+                wedges,
+                ..Statements::default()
+            },
             delivered: [0; 2],
             state: State::Open,
             faces: None,
@@ -278,7 +288,7 @@ impl<R: Read> ObjReader<R> {
         if !self.lines.advance()? {
             return self.end();
         }
-        if self.lines.current().last() != Some(&b'\\') {
+        if !goes_on(self.lines.current()) {
             let lines = &self.lines;
             return self.read.statement(lines.current(), &|element, index| lines.place(element, index));
         }
@@ -290,7 +300,7 @@ impl<R: Read> ObjReader<R> {
                 let line = self.lines.place("statement", 0).line.unwrap_or(0);
                 return Err(ImportError::LineTooLong { line, limit: WINDOW });
             }
-            let body = line.strip_suffix(b"\\");
+            let body = line.strip_suffix(b"\\").filter(|_| goes_on(line));
             self.joined.extend_from_slice(body.unwrap_or(line));
             self.joined.push(b' ');
             if body.is_none() || !self.lines.advance()? {
@@ -321,7 +331,7 @@ impl Statements {
     }
 
     fn statement(&mut self, line: &[u8], place: PlaceOf) -> Result<(), ImportError> {
-        let mut words = words(line);
+        let mut words = words(meaning(line));
         let left_out = &mut self.left_out;
         let textured = self.wedges.as_mut().filter(|wedges| wedges.is_textured());
         match words.next() {
@@ -349,7 +359,6 @@ impl Statements {
             Some(b"usemap" | b"maplib") => left_out.materials += 1,
             Some(b"l" | b"p") => left_out.lines_and_points += 1,
             Some(b"g" | b"o" | b"s" | b"mg") => {}
-            Some(comment) if comment.starts_with(b"#") => {}
             Some(name) => {
                 left_out.statements += 1;
                 let name = excerpt(name);
@@ -404,8 +413,8 @@ impl Statements {
         // Three numbers behind the position are a colour, a single one is a weight.
         let is_first = self.vertices == 0;
         match count {
-            3 if self.colored => self.pending.vertices.colors.push(color(rest)),
-            3 => self.left_out.late_colors += 1,
+            3 if self.colored => self.color_scale.push(&rest, &mut self.pending.vertices.colors),
+            3 => self.left_out.late_colors += u64::from(self.wants_colors),
             0 | 1 => {}
             _ => self.left_out.vertex_numbers += 1,
         }
@@ -499,17 +508,14 @@ impl Statements {
     }
 }
 
+/// Whether a line ends in the next one: comments end where they are.
+fn goes_on(line: &[u8]) -> bool {
+    meaning(line).last() == Some(&b'\\')
+}
+
 /// The normal that a corner names, counted from zero, if it names one. `read` are those before it.
 fn normal(corner: &[u8], read: u64) -> Option<u32> {
     let index: i64 = number(Some(corner.split(|byte| *byte == b'/').nth(2)?)).ok()?;
     let normal = if index < 0 { read.checked_add_signed(index) } else { (index as u64).checked_sub(1) };
     u32::try_from(normal?).ok()
-}
-
-/// Eight bits a channel, opaque.
-fn color(rgb: [f64; 3]) -> [u8; 4] {
-    let scale = if rgb.iter().any(|x| *x > 1.0) { 1.0 } else { 255.0 };
-    // The cast clamps, and makes NaN zero.
-    let [r, g, b] = rgb.map(|x| (x * scale).round() as u8);
-    [r, g, b, 255]
 }

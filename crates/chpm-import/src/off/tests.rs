@@ -50,10 +50,10 @@ fn spacing_and_comments_do_not_matter() {
 #[test]
 fn prefixes_say_what_vertices_have() {
     let text = "STCNOFF\n3 1 0\n0 0 0 0 0 1 255 0 0 128 0.5 0.5\n1 0 0 0 nan 1 1 0.5 0 1 0 0\n\
-                0 1.5 0 0 1 0 0 0 0 1 1 1\n3 0 1 2 9 9 9\n";
+                0 1.5 0 0 1 0 1 0 0 255 1 1\n3 0 1 2 9 9 9\n";
     let (mesh, warnings, tally) = read(text.as_bytes(), Options::default()).expect("a mesh");
     assert_eq!(mesh.vertices.normals, [[0.0, 0.0, 1.0], [0.0; 3], [0.0, 1.0, 0.0]]);
-    assert_eq!(mesh.vertices.colors, [[255, 0, 0, 128], [255, 128, 0, 255], [0, 0, 0, 255]]);
+    assert_eq!(mesh.vertices.colors, [[255, 0, 0, 128], [255, 128, 0, 255], [1, 0, 0, 255]]);
     assert_eq!(tally.zeroed_normals, 1);
     let told = warnings.join("\n");
     for words in ["dropped 3 texture coordinates", "dropped colours of 1 faces", "normal"] {

@@ -98,9 +98,26 @@ fn colours_are_fractions_or_bytes() {
     assert!(plain.colors.is_empty());
     assert_eq!(plain.warnings, ["dropped colours of 1 vertices, since the first one has none"]);
     let options = Options { colors: false, ..Options::default() };
-    assert!(
-        read(b"v 0 0 0 1 1 1\nv 1 0 0 1 1 1\nv 0 1 0 1 1 1\nf 1 2 3\n", options).unwrap().colors.is_empty()
-    );
+    let bare = read(b"v 0 0 0 1 1 1\nv 1 0 0 1 1 1\nv 0 1 0 1 1 1\nf 1 2 3\n", options).unwrap();
+    assert!(bare.colors.is_empty() && bare.warnings.is_empty(), "{bare:?}");
+}
+
+#[test]
+fn dark_bytes_are_no_fractions() {
+    let obj = ok("v 0 0 0 1 0 1\nv 1 0 0 9 0 0\nv 0 1 0 1 1 1\nf 1 2 3\n");
+    assert_eq!(obj.colors, [[1, 0, 1, 255], [9, 0, 0, 255], [1, 1, 1, 255]]);
+}
+
+#[test]
+fn comments_end_lines_and_no_line_goes_on_in_them() {
+    let text =
+        "# C:\\\nv 0 0 0 # first\nv 1 0 0#1 1 1\nv 0 1 0 # C:\\\nf 1 \\\n2 3 # 4\\\n# f 9 9 9\nf 3 2 1";
+    for mark in ["", "\u{feff}"] {
+        let obj = ok(&format!("{mark}{text}"));
+        assert_eq!(obj.positions, [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+        assert_eq!((obj.triangles, obj.warnings), (vec![[0, 1, 2], [2, 1, 0]], vec![]));
+    }
+    assert_eq!(ok("\u{feff}v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3").triangles, [[0, 1, 2]]);
 }
 
 #[test]

@@ -9,7 +9,7 @@ use crate::error::ReportError;
 use crate::level::{levels_of, per_triangle};
 use crate::stats::{self, Row, Stats, worst};
 use askama::Template;
-use chpm_extmem::MappedFile;
+use chpm_extmem::{Cancel, MappedFile};
 use chpm_format::{Chpm, Metadata};
 use chpm_mesh::{Bytes, Thousands, Units};
 use chpm_refine::Portrait;
@@ -38,9 +38,9 @@ impl<'a> Shown<'a> {
     /// Reads every page.
     ///
     /// # Errors
-    /// Damage of the file.
-    pub fn new(name: String, file: &'a Chpm<MappedFile>) -> Result<Self, ReportError> {
-        let (rows, borders) = stats::rows(file)?;
+    /// Damage of the file, and [`ReportError::Cancelled`].
+    pub fn new(name: String, file: &'a Chpm<MappedFile>, cancel: &Cancel) -> Result<Self, ReportError> {
+        let (rows, borders) = stats::rows(file, cancel)?;
         let stats = Stats::new(name.clone(), file, &rows, &borders);
         Ok(Shown { name, file, rows, stats })
     }

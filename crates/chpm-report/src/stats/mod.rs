@@ -10,7 +10,7 @@ pub mod worst;
 use crate::digest::Sizes;
 use crate::error::ReportError;
 use crate::level::per_triangle;
-use chpm_extmem::MappedFile;
+use chpm_extmem::{Cancel, MappedFile};
 use chpm_format::packed::PARTS;
 use chpm_format::{Chpm, ClusterRecord};
 pub use page::{Borders, CACHES, MEMORY, PageStats};
@@ -160,9 +160,9 @@ fn by(part: u64, whole: u64) -> f64 {
 /// Reads every page of a file.
 ///
 /// # Errors
-/// Damage of the file.
-pub fn rows(file: &Chpm<MappedFile>) -> Result<(Vec<Row<'_>>, Borders), ReportError> {
-    let (pages, borders) = page::read(file)?;
+/// Damage of the file, and [`ReportError::Cancelled`].
+pub fn rows<'a>(file: &'a Chpm<MappedFile>, cancel: &Cancel) -> Result<(Vec<Row<'a>>, Borders), ReportError> {
+    let (pages, borders) = page::read(file, cancel)?;
     let clusters = (0..).zip(file.clusters()).zip(pages).zip(boxes::overlaps(file));
     let rows = clusters.map(|(((id, record), page), overlap)| {
         let aspect = boxes::aspect(&record.aabb());

@@ -2,7 +2,7 @@
 //! how many levels its shared vertices are shared.
 
 use crate::error::ReportError;
-use chpm_extmem::MappedFile;
+use chpm_extmem::{Cancel, MappedFile};
 use chpm_format::packed::{self, PARTS};
 use chpm_format::{Chpm, Page};
 use chpm_measure::cache::vertex_cache;
@@ -72,9 +72,13 @@ impl Borders {
 }
 
 /// Reads all pages, on all processors.
-pub(super) fn read(file: &Chpm<MappedFile>) -> Result<(Vec<PageStats>, Borders), ReportError> {
+pub(super) fn read(
+    file: &Chpm<MappedFile>,
+    cancel: &Cancel,
+) -> Result<(Vec<PageStats>, Borders), ReportError> {
     let borders = Borders::new(file.header().shared_vertex_count);
     let clusters = file.clusters().par_iter().enumerate().map(|(index, record)| {
+        cancel.check()?;
         let id = ClusterId(index as u32);
         let page = file.page(id)?;
         let parts = match file.is_packed(id) {

@@ -53,7 +53,7 @@ pub fn coarsest(
     }
     let certifier = Certifier::new(file, EFFORT, budget, progress, cancel)?;
     let beside = certifier.beside();
-    let limit = f64::from(distance) - 2.0 * beside;
+    let limit = certifier.to_prove(distance);
     if limit <= 0.0 {
         return Ok(None);
     }

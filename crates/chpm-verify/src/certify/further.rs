@@ -62,7 +62,7 @@ pub fn further(
 ) -> Result<Option<Further>, VerifyError> {
     let certifier = Certifier::new(file, EFFORT, budget, progress, cancel)?;
     let beside = certifier.beside();
-    let limit = f64::from(distance) - 2.0 * beside;
+    let limit = certifier.to_prove(distance);
     if !file.has_gaps() || limit <= 0.0 {
         return Ok(None);
     }

@@ -362,6 +362,12 @@ impl<'a> Certifier<'a> {
         leaves.fold(0.0, f64::max) + slack(self.file)
     }
 
+    /// How near a mesh has to be to the leaves, so that what is told of it is `distance` at most.
+    fn to_prove(&self, distance: f32) -> f64 {
+        // A proof may reach its limit, and some more by its own rounding, which `beside` has in it.
+        geom::before_round_up(distance) - 2.0 * self.beside()
+    }
+
     /// Pieces for a triangle of `from`, whatever its area, and for its share of the area.
     fn limits(&self, from: Size, to: Size) -> [f64; 2] {
         let by_area = if from.area > 0.0 { to.triangles / from.area } else { 0.0 };
