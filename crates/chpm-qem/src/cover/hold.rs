@@ -3,12 +3,9 @@
 use super::pieces::{Served, Surface};
 use super::surfaces::{Few, Many, Seen, enough};
 use super::tree::BoxTree;
-use super::{CLOSE, Cover};
+use super::{CLOSE, Cover, FACES};
 use chpm_mesh::geom::to_f64;
 use nalgebra::Point3;
-
-/// Faces that take the time of a piece.
-const FACES: usize = 32;
 
 /// Faces that take its time if they are only looked at.
 const LOOKED_AT: usize = 256;
@@ -93,8 +90,10 @@ impl Cover<'_> {
             let vertices = self.reference.triangles[triangle as usize];
             let known = (&mut self.served[..], &mut self.seen_points);
             let (served, found) = serve(vertices, &corners, *first, known, &mut few);
-            self.pieces.count += found * (near.len() / FACES) as u64;
+            let before = self.pieces.count;
             far = self.pieces.reach(corners, served, self.reached, &mut few);
+            // Each piece may have looked for the nearest of all.
+            self.pieces.count += (found + self.pieces.count - before) * (near.len() / FACES) as u64;
         }
         if far > f64::from(error) && !self.is_left_behind(triangle) {
             far = self.hold_anywhere(triangle);

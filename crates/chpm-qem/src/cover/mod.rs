@@ -40,6 +40,12 @@ const ALLOWED: f64 = 0.25;
 /// Errors composed grow by this factor before what could not be shown is tried again.
 const AGAIN: f32 = 1.2;
 
+/// Nodes of a tree that take the time of a piece.
+const SEEN: u64 = 128;
+
+/// Faces that take the time of a piece.
+const FACES: usize = 32;
+
 /// A progressive mesh as it was decimated.
 #[derive(Clone, Copy, Debug)]
 pub struct Course<'a> {
@@ -49,9 +55,9 @@ pub struct Course<'a> {
     pub triangles: &'a [[u16; 3]],
     /// In the order in which they were carried out, with composed errors.
     pub collapses: &'a [Collapse],
-    /// What these leave behind, each with the place of the collapse, ascending.
+    /// Balls that these leave behind, each with the place of the collapse, ascending.
     pub dropped: &'a [(usize, DroppedComponent)],
-    /// What was left behind before, whatever the reference has of it.
+    /// Those that were left behind before, whatever the reference has of them.
     pub dropped_before: &'a [DroppedComponent],
 }
 
@@ -108,7 +114,7 @@ struct Cover<'a> {
     has_begun: bool,
     /// All that is held is within this; infinite once it is given up.
     reached: f64,
-    /// What was left behind, and what errors are at least for it.
+    /// Balls that were left behind, and the least that errors are for them.
     balls: Vec<DroppedComponent>,
     floor: f32,
     /// Triangles of the reference that could not be shown to be as near as was composed, and the error at which that was tried.
@@ -180,7 +186,7 @@ impl<'a> Cover<'a> {
             again: Vec::new(),
             holder: 0,
             hint: 0,
-            search: Search::new(),
+            search: Search::default(),
         }
     }
 
@@ -221,9 +227,14 @@ impl<'a> Cover<'a> {
         } else if self.limits.ratio * self.alive <= self.reference.triangle_count() {
             self.begin(error);
         }
-        if self.pieces.count > self.limits.pieces {
+        if self.is_spent() {
             self.reached = f64::INFINITY;
         }
+    }
+
+    /// Whether so much was done that nothing more is.
+    fn is_spent(&self) -> bool {
+        self.pieces.count + self.search.seen / SEEN > self.limits.pieces
     }
 
     fn target(&self, face: u32) -> Target {
@@ -248,9 +259,17 @@ impl<'a> Cover<'a> {
         let tree = BoxTree::new(&self.targets, alive.clone());
         self.seen_points.begin();
         for triangle in 0..self.reference.triangle_count() as u32 {
+            if self.is_spent() {
+                return;
+            }
             self.hold_first(triangle, &tree, error);
         }
-        alive.into_iter().for_each(|face| self.cover(face, error));
+        for face in alive {
+            if self.is_spent() {
+                return;
+            }
+            self.cover(face, error);
+        }
     }
 
     /// Holds what a collapse has changed.
@@ -266,14 +285,17 @@ impl<'a> Cover<'a> {
             }
         }
         let changed = self.near.len();
+        let mut seen = 0;
         for vertex in &self.about {
             for wing in self.mesh.all_wings(*vertex) {
+                seen += 1;
                 if self.seen_faces.is_new(wing.face) {
                     self.near.push(wing.face);
                 }
             }
         }
 
+        self.pieces.count += seen / FACES as u64;
         self.seen_triangles.begin();
         self.again.clear();
         for face in &self.old {
@@ -291,6 +313,10 @@ impl<'a> Cover<'a> {
         let again = std::mem::take(&mut self.again);
         self.seen_points.begin();
         for triangle in &again {
+            // It is given up, then.
+            if self.is_spent() {
+                break;
+            }
             self.hold(*triangle, &near, error);
         }
         (self.near, self.again) = (near, again);

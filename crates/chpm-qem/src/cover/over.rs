@@ -1,9 +1,9 @@
 //! Faces of the mesh, held against the reference.
 
-use super::Cover;
 use super::pieces::Surface;
 use super::reference::Reference;
 use super::surfaces::{Own, enough};
+use super::{Cover, FACES};
 use nalgebra::Point3;
 
 /// Triangles over a face that take the time of a piece, and those that are only looked at.
@@ -76,11 +76,14 @@ impl Cover<'_> {
     fn hold_under(&mut self, face: u32, reference: &Reference, which: usize) -> Option<f64> {
         if which == FINE {
             self.seen_faces.begin();
+            let mut seen = 0;
             for vertex in self.mesh.faces[face as usize].corners {
                 for wing in self.mesh.all_wings(vertex) {
+                    seen += 1;
                     self.seen_faces.is_new(wing.face);
                 }
             }
+            self.pieces.count += seen / FACES as u64;
         }
         let target = &self.targets[face as usize];
         let (over, holders, seen) = (&mut self.over, &self.holders, &self.seen_faces);

@@ -22,8 +22,14 @@ pub(crate) struct BoxTree {
     order: Vec<u32>,
 }
 
-/// Nodes that a search has still to look at, each with the square of its distance.
-pub(crate) type Search = Vec<(u32, f64)>;
+/// Scratch of searches.
+#[derive(Debug, Default)]
+pub(crate) struct Search {
+    /// Nodes that are still to be looked at, each with the square of its distance.
+    open: Vec<(u32, f64)>,
+    /// Nodes that searches for the nearest looked at.
+    pub(crate) seen: u64,
+}
 
 impl BoxTree {
     /// Of the given ones among `targets`.
@@ -71,18 +77,18 @@ impl BoxTree {
             (0..3).all(|axis| low[axis] <= other_high[axis] && other_low[axis] <= high[axis])
         };
         let mut visited = 0;
-        search.clear();
+        search.open.clear();
         if !self.nodes.is_empty() {
-            search.push((0, 0.0));
+            search.open.push((0, 0.0));
         }
-        while let Some((at, _)) = search.pop() {
+        while let Some((at, _)) = search.open.pop() {
             let node = &self.nodes[at as usize];
             visited += 1;
             if !meets(&node.low, &node.high) {
                 continue;
             }
             if node.count == 0 {
-                search.extend([(node.from, 0.0), (at + 1, 0.0)]);
+                search.open.extend([(node.from, 0.0), (at + 1, 0.0)]);
                 continue;
             }
             visited += node.count as usize;
@@ -106,14 +112,15 @@ impl BoxTree {
         enough: f64,
     ) -> (u32, f64) {
         let mut best = best;
-        search.clear();
+        search.open.clear();
         if !self.nodes.is_empty() {
-            search.push((0, 0.0));
+            search.open.push((0, 0.0));
         }
-        while let Some((at, squared)) = search.pop() {
+        while let Some((at, squared)) = search.open.pop() {
             if best.1 <= enough {
                 break;
             }
+            search.seen += 1;
             if squared >= best.1 {
                 continue;
             }
@@ -128,7 +135,7 @@ impl BoxTree {
             // The nearer child first.
             let (a, b) = (at + 1, node.from);
             let [a, b] = [a, b].map(|child| (child, box_squared(&self.nodes[child as usize], point)));
-            search.extend(if a.1 <= b.1 { [b, a] } else { [a, b] });
+            search.open.extend(if a.1 <= b.1 { [b, a] } else { [a, b] });
         }
         best
     }
