@@ -52,7 +52,7 @@ MODELS = {
     "far": ("far", []),
     "far_packed": ("far", ["--pages", "packed"]),
     "lattice": ("sphere", ["--positions", "lattice:12", "--pages", "packed"]),
-    "roots": ("sphere", ["--target-error", "2%"]),
+    "roots": ("sphere", ["--target-error", "0.5%"]),
     "trimmed": ("sphere", ["--finest-error", "1%"]),
     "dust": ("dust", []),
     "one": ("one", []),
