@@ -27,7 +27,7 @@ struct Look {
     most: u64,
     coarsest: u64,
     /// How many times fewer triangles the next one has.
-    shrink: usize,
+    shrink: u64,
     limits: Limits,
     /// Pieces on top of the limit for each triangle of a reference.
     pieces_each: u64,
@@ -44,9 +44,10 @@ impl Look {
             Bounds::Quick => Look {
                 most: (source / 100).clamp(4500, 1 << 14).min(source / 16),
                 coarsest: 1 << 14,
-                shrink: usize::MAX,
+                shrink: u64::MAX,
                 limits: Limits {
                     ratio: if source < 4_000_000 { 12 } else { 6 },
+                    last_ratio: usize::MAX,
                     next_ratio: 12,
                     pieces: source.clamp(1 << 16, 150_000).max(source / 8),
                 },
@@ -56,7 +57,7 @@ impl Look {
                 most: TIGHT_BELOW,
                 coarsest: TIGHT_BELOW,
                 shrink: 2,
-                limits: Limits { ratio: 8, next_ratio: 24, pieces: 300_000 },
+                limits: Limits { ratio: 8, last_ratio: usize::MAX, next_ratio: 24, pieces: 300_000 },
                 pieces_each: PIECES_EACH,
             },
         }
@@ -91,12 +92,16 @@ pub(super) fn lower(
     });
     let collapses: Vec<Collapse> = in_order.collect();
     let course = Course { positions, triangles, collapses: &collapses, dropped, dropped_before };
-    let found: Vec<Vec<f32>> = (0..references.len())
+    // The finest serves most meshes: in two turns, side by side.
+    let Limits { ratio, next_ratio, .. } = look.limits;
+    let turns = [(0, ratio, 2 * ratio), (0, 2 * ratio, usize::MAX)];
+    let turns = turns.into_iter().chain((1..references.len()).map(|finest| (finest, next_ratio, usize::MAX)));
+    let turns: Vec<_> = turns.filter(|(finest, ..)| *finest < references.len()).collect();
+    let found: Vec<Vec<f32>> = turns
         .into_par_iter()
-        .map(|finest| {
-            let ratio = if finest == 0 { look.limits.ratio } else { look.limits.next_ratio };
+        .map(|(finest, ratio, last_ratio)| {
             let pieces = look.limits.pieces + look.pieces_each * references[finest].triangle_count() as u64;
-            tightened(&course, &references[finest..], Limits { ratio, pieces, ..look.limits })
+            tightened(&course, &references[finest..], Limits { ratio, last_ratio, pieces, ..look.limits })
         })
         .collect();
 
@@ -114,24 +119,24 @@ pub(super) fn lower(
 
 /// Meshes of the whole source that the root is held against, from the finest on that is small enough; none where all that there are have too many triangles.
 fn references(task: &GroupTask<'_>, root: u32, look: &Look) -> Result<Vec<Reference>, BuildError> {
-    let mut references: Vec<Reference> = Vec::new();
+    let mut taken: Vec<(u64, Vec<Part>)> = Vec::new();
     let highest = highest_below(task, root);
     let lowest = task.level.saturating_sub(BELOW);
     let has_source = task.settings.bounds == Bounds::Tight && lowest == 0;
     for level in has_source.then_some(None).into_iter().chain((lowest..=highest).map(Some)) {
         let parts = parts(task, root, level);
         let count = parts.iter().map(|part| part.triangle_count(task)).sum::<u64>();
-        let most = match references.last() {
-            Some(finer) => (finer.triangle_count() / look.shrink) as u64,
+        let most = match taken.last() {
+            Some((finer, _)) => finer / look.shrink,
             // The coarsest may be larger.
             None if level == Some(highest) => look.coarsest,
             None => look.most,
         };
         if count <= most {
-            references.push(reference(task, &parts)?);
+            taken.push((count, parts));
         }
     }
-    Ok(references)
+    taken.into_par_iter().map(|(_, parts)| reference(task, &parts)).collect()
 }
 
 /// A leaf that is all of the source.

@@ -2,9 +2,11 @@
 //!
 //! All are projected onto the face's plane. The number of triangles over a point, odd or even, changes only where one of their outer edges is crossed: edges that an odd number
 //! of them have. So where no outer edge passes over the face, and the number is odd over one of its points, a triangle is over each of them, no farther
-//! away than the triangles rise from the plane there.
+//! away than the triangles rise from the plane there. That is so for any of the triangles: those that edges over the face join are taken together, as one sheet of perhaps many.
 
+use super::islands::top;
 use super::reference::Reference;
+use chpm_mesh::geom::to_f64;
 use nalgebra::{Point3, Vector3};
 
 /// The face is taken smaller by this share, about its middle: so that what meets it along its edges alone does not count as over it.
@@ -26,16 +28,48 @@ type Cut = [f64; 7];
 /// Share of what is added up in an orientation that rounding can hide, with room.
 const DOUBT: f64 = 1.0 / (1u64 << 48) as f64;
 
+/// An edge of the reference, for the face for which it was met last.
+#[derive(Clone, Copy, Debug, Default)]
+struct Met {
+    turn: u32,
+    /// The first of the triangles that have it.
+    first: u32,
+    is_odd: bool,
+    is_beside: bool,
+}
+
+/// Triangles that edges over the face join.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sheet {
+    /// Whether an outer edge passes over the face.
+    is_torn: bool,
+    /// Whether an odd number of them is over a place, and whether that is in doubt.
+    is_odd: bool,
+    is_doubtful: bool,
+    highest: f64,
+}
+
+impl Sheet {
+    fn is_over_all(&self) -> bool {
+        self.is_odd && !self.is_doubtful && !self.is_torn
+    }
+}
+
 /// Scratch for one face after another.
 #[derive(Debug, Default)]
 pub(crate) struct Chain {
-    sheet: Vec<[Over; 3]>,
+    over: Vec<[Over; 3]>,
     /// Which triangles of the reference these are.
     triangles: Vec<u32>,
+    /// Per triangle another before it that it is joined with, or itself; and the sheet that they are of.
+    above: Vec<u32>,
+    of: Vec<u32>,
+    sheets: Vec<Sheet>,
     /// Parts of the face over which triangles are too high, which may be near others.
     pub(crate) steep: Vec<[Point3<f64>; 3]>,
-    /// Per edge of the reference, the face for which it was met last, and whether by an odd number of triangles.
-    met: Vec<(u32, bool)>,
+    /// Per point and edge of the reference, what was found for the face of a turn.
+    points: Vec<(u32, Over)>,
+    met: Vec<Met>,
     turn: u32,
     polygon: Vec<Cut>,
     before: Vec<Cut>,
@@ -76,24 +110,12 @@ impl Frame {
         Some(Frame { origin: a, inward, margins, normal, beyond: SHRUNK * beyond, stretch })
     }
 
-    /// A triangle over the face; none if it is beside, or all of it farther than `far` from the plane on one side.
+    /// Where a point is.
     #[inline]
-    fn over(&self, corners: &[Point3<f64>; 3], far: f64, loss: f64) -> Option<[Over; 3]> {
-        let ways = corners.map(|corner| corner - self.origin);
-        let mut over = [[0.0; 4]; 3];
-        for (edge, (inward, margin)) in self.inward.iter().zip(self.margins).enumerate() {
-            let inside = ways.map(|way| inward.dot(&way) - margin);
-            if inside.iter().all(|inside| *inside < -loss) {
-                return None;
-            }
-            (0..3).for_each(|corner| over[corner][edge] = inside[corner]);
-        }
-        let heights = ways.map(|way| self.normal.dot(&way));
-        if heights.iter().all(|height| *height > far) || heights.iter().all(|height| *height < -far) {
-            return None;
-        }
-        (0..3).for_each(|corner| over[corner][HEIGHT] = heights[corner]);
-        Some(over)
+    fn over(&self, point: &Point3<f64>) -> Over {
+        let way = point - self.origin;
+        let [a, b, c] = [0, 1, 2].map(|edge| self.inward[edge].dot(&way) - self.margins[edge]);
+        [a, b, c, self.normal.dot(&way)]
     }
 
     /// How far inside of the face's edges a point of it is.
@@ -122,47 +144,120 @@ impl Chain {
         let loss = loss * frame.stretch;
         let beyond = frame.beyond + 4.0 * loss;
         let allowed = allowed - beyond;
-        self.sheet.clear();
-        self.triangles.clear();
+        // What is far above or below is of another sheet, and its outer edges would be over the face.
+        self.gather(reference, triangles, &frame, AWAY * allowed, loss);
+        self.join(reference, loss);
+        let sheet = PLACES.iter().find_map(|weights| self.over_all(&frame, face, weights, loss))?;
         self.steep.clear();
-        for triangle in triangles {
-            let corners = &reference.targets[*triangle as usize].corners;
-            // What is far above or below is of another sheet, and its outer edges would be over the face.
-            let Some(over) = frame.over(corners, AWAY * allowed, loss) else { continue };
-            let error = f64::from(reference.errors[*triangle as usize]);
-            if highest(&over) + error > allowed {
-                self.cut(&over, corners, loss);
-                let Some((first, others)) = self.polygon.split_first() else { continue };
-                if highest(&self.polygon) + error > allowed {
-                    let fan = others.windows(2);
-                    self.steep
-                        .extend(fan.map(|pair| [first, &pair[0], &pair[1]].map(|over| frame.foot(over))));
-                }
+        for index in 0..self.triangles.len() {
+            if self.of[index] == sheet {
+                self.part(index, reference, &frame, allowed, loss);
             }
-            self.sheet.push(over);
-            self.triangles.push(*triangle);
         }
-        (self.is_whole(reference, loss) && self.is_over(&frame, face, loss)).then_some(beyond)
+        Some(beyond)
     }
 
-    /// Whether no outer edge passes over the smaller face.
-    fn is_whole(&mut self, reference: &Reference, loss: f64) -> bool {
+    /// Takes the triangles over the face: not those beside it, or all of which is farther than `far` from the plane on one side.
+    fn gather(&mut self, reference: &Reference, triangles: &[u32], frame: &Frame, far: f64, loss: f64) {
         self.turn += 1;
-        self.met.resize(reference.edge_count, (0, false));
-        for triangle in &self.triangles {
-            for edge in reference.edges[*triangle as usize] {
-                let (turn, is_odd) = &mut self.met[edge as usize];
-                *is_odd = *turn != self.turn || !*is_odd;
-                *turn = self.turn;
+        self.points.resize(reference.points.len(), (0, [0.0; 4]));
+        self.over.clear();
+        self.triangles.clear();
+        for triangle in triangles {
+            let over = reference.triangles[*triangle as usize].map(|point| {
+                let (turn, over) = &mut self.points[point as usize];
+                if *turn != self.turn {
+                    (*turn, *over) = (self.turn, frame.over(&to_f64(reference.points[point as usize])));
+                }
+                *over
+            });
+            let is_beside = (0..HEIGHT).any(|edge| over.iter().all(|corner| corner[edge] < -loss));
+            let is_away = over.iter().all(|corner| corner[HEIGHT] > far)
+                || over.iter().all(|corner| corner[HEIGHT] < -far);
+            if !is_beside && !is_away {
+                self.over.push(over);
+                self.triangles.push(*triangle);
             }
         }
-        self.triangles.iter().zip(&self.sheet).all(|(triangle, over)| {
-            let edges = reference.edges[*triangle as usize];
-            (0..3).all(|corner| {
-                let (_, is_odd) = self.met[edges[corner] as usize];
-                !is_odd || is_beside(&over[corner], &over[(corner + 1) % 3], loss)
-            })
-        })
+    }
+
+    /// Joins them to sheets, each by the first of its triangles.
+    fn join(&mut self, reference: &Reference, loss: f64) {
+        let Chain { over, triangles, above, of, sheets, met, turn, .. } = self;
+        met.resize(reference.edge_count, Met::default());
+        above.clear();
+        above.extend(0..triangles.len() as u32);
+        for (index, (triangle, over)) in (0..).zip(triangles.iter().zip(over.iter())) {
+            for (corner, edge) in reference.edges[*triangle as usize].into_iter().enumerate() {
+                let met = &mut met[edge as usize];
+                if met.turn != *turn {
+                    let is_beside = is_beside(&over[corner], &over[(corner + 1) % 3], loss);
+                    *met = Met { turn: *turn, first: index, is_odd: true, is_beside };
+                    continue;
+                }
+                met.is_odd = !met.is_odd;
+                if !met.is_beside {
+                    let (one, other) = (top(above, index), top(above, met.first));
+                    above[one.max(other) as usize] = one.min(other);
+                }
+            }
+        }
+
+        of.clear();
+        sheets.clear();
+        for (index, (triangle, over)) in triangles.iter().zip(over.iter()).enumerate() {
+            let first = top(above, index as u32) as usize;
+            if first == index {
+                of.push(sheets.len() as u32);
+                sheets.push(Sheet::default());
+            } else {
+                of.push(of[first]);
+            }
+            let sheet = &mut sheets[of[index] as usize];
+            sheet.highest = sheet.highest.max(highest(over));
+            let edges = reference.edges[*triangle as usize].map(|edge| &met[edge as usize]);
+            sheet.is_torn |= edges.iter().any(|met| met.is_odd && !met.is_beside);
+        }
+    }
+
+    /// The lowest sheet that is over all of the face, as far as one of its points tells.
+    fn over_all(
+        &mut self,
+        frame: &Frame,
+        face: &[Point3<f64>; 3],
+        weights: &[f64; 3],
+        loss: f64,
+    ) -> Option<u32> {
+        let point = face.iter().zip(weights).fold(Vector3::zeros(), |sum, (p, w)| sum + p.coords * *w);
+        let point = frame.place(&Point3::from(point));
+        self.sheets.iter_mut().for_each(|sheet| (sheet.is_odd, sheet.is_doubtful) = (false, false));
+        for (over, of) in self.over.iter().zip(&self.of) {
+            let sheet = &mut self.sheets[*of as usize];
+            if !sheet.is_torn {
+                match is_inside(over, &point, loss) {
+                    Some(is_inside) => sheet.is_odd ^= is_inside,
+                    None => sheet.is_doubtful = true,
+                }
+            }
+        }
+        let over_all = (0..).zip(&self.sheets).filter(|(_, sheet)| sheet.is_over_all());
+        over_all.min_by(|(_, a), (_, b)| a.highest.total_cmp(&b.highest)).map(|(index, _)| index)
+    }
+
+    /// Takes the part of the face that is under a triangle that is too high.
+    fn part(&mut self, index: usize, reference: &Reference, frame: &Frame, allowed: f64, loss: f64) {
+        let (over, triangle) = (self.over[index], self.triangles[index]);
+        let error = f64::from(reference.errors[triangle as usize]);
+        if highest(&over) + error <= allowed {
+            return;
+        }
+        self.cut(&over, &reference.targets[triangle as usize].corners, loss);
+        if let Some((first, others)) = self.polygon.split_first()
+            && highest(&self.polygon) + error > allowed
+        {
+            let fan = others.windows(2);
+            self.steep.extend(fan.map(|pair| [first, &pair[0], &pair[1]].map(|over| frame.foot(over))));
+        }
     }
 
     /// The part of a triangle that is over the face, into `polygon`.
@@ -190,22 +285,6 @@ impl Chain {
                 }
             }
         }
-    }
-
-    /// Whether an odd number of triangles is over some point of the face.
-    fn is_over(&self, frame: &Frame, face: &[Point3<f64>; 3], loss: f64) -> bool {
-        PLACES.iter().any(|weights| {
-            let place = face.iter().zip(weights).fold(Vector3::zeros(), |sum, (p, w)| sum + p.coords * *w);
-            let place = frame.place(&Point3::from(place));
-            let mut is_odd = false;
-            for triangle in &self.sheet {
-                match is_inside(triangle, &place, loss) {
-                    Some(is_inside) => is_odd ^= is_inside,
-                    None => return false,
-                }
-            }
-            is_odd
-        })
     }
 }
 
@@ -265,7 +344,7 @@ mod tests {
     const LOSS: f64 = 1e-12;
 
     /// A square of 6 x 6 squares about a face, at a height; with the triangles for which `is_there`.
-    fn sheets(heights: &[f32], is_there: impl Fn(u32) -> bool) -> (Reference, Vec<u32>) {
+    fn sheets(heights: &[f32], is_there: impl Fn(&[[f32; 3]; 3]) -> bool) -> (Reference, Vec<u32>) {
         let mut reference = Reference::default();
         for height in heights {
             let points: Vec<[f32; 3]> =
@@ -275,7 +354,8 @@ mod tests {
             reference.add(&points, triangles.map(|triangle| (triangle, 0.125)));
         }
         reference.join();
-        let kept = (0..reference.triangle_count() as u32).filter(|triangle| is_there(*triangle)).collect();
+        let all = 0..reference.triangle_count() as u32;
+        let kept = all.filter(|triangle| is_there(&reference.corners(*triangle))).collect();
         (reference, kept)
     }
 
@@ -310,17 +390,31 @@ mod tests {
                 });
                 sides.iter().all(|side| *side > 0.0) || sides.iter().all(|side| *side < 0.0)
             };
-            whole.1.iter().copied().find(is_over).unwrap()
+            whole.0.corners(whole.1.iter().copied().find(is_over).unwrap())
         };
         let (middle, beside) = (over(0.1, 0.2), over(-2.4, -2.7));
-        assert_eq!(held(&sheets(&[0.5], |index| index != middle), 0.7), None);
-        assert_eq!(held(&sheets(&[0.5], |index| index != beside), 0.7), Some(0));
+        assert_eq!(held(&sheets(&[0.5], |corners| *corners != middle), 0.7), None);
+        assert_eq!(held(&sheets(&[0.5], |corners| *corners != beside), 0.7), Some(0));
     }
 
     #[test]
-    fn two_sheets_show_nothing_and_three_do() {
-        assert_eq!(held(&sheets(&[0.5, 0.25], |_| true), 0.7), None);
-        assert_eq!(held(&sheets(&[0.5, 0.25, -0.5], |_| true), 0.7), Some(0));
+    fn one_of_several_sheets_is_enough() {
+        assert_eq!(held(&sheets(&[0.5, 0.25], |_| true), 0.7), Some(0));
         assert_eq!(held(&sheets(&[0.5, 9.0], |_| true), 0.7), Some(0), "one is far away");
+        // Half of one is there: the other is over all of the face.
+        let is_half = |corners: &[[f32; 3]; 3]| corners.iter().all(|corner| corner[0] <= 0.0);
+        let one =
+            |height: f32| sheets(&[0.5, 0.25], move |corners| corners[0][2] == height || is_half(corners));
+        assert_eq!(held(&one(0.5), 0.7), Some(0));
+        assert!(held(&one(0.5), 0.6).is_some_and(|steep| steep > 8));
+        assert_eq!(held(&one(0.25), 0.6), Some(0));
+        assert_eq!(held(&sheets(&[0.5, 0.25], is_half), 0.7), None);
+    }
+
+    #[test]
+    fn a_sheet_that_lies_there_twice_shows_nothing_and_three_times_does() {
+        let twice = |count| sheets(&vec![0.5; count], |_| true);
+        assert_eq!(held(&twice(2), 0.7), None);
+        assert_eq!(held(&twice(3), 0.7), Some(0));
     }
 }

@@ -50,14 +50,14 @@ impl Islands {
     }
 }
 
-/// The least number of what is joined with a point.
-fn top(above: &mut [u32], mut point: u32) -> u32 {
-    while above[point as usize] != point {
-        let next = above[above[point as usize] as usize];
-        above[point as usize] = next;
-        point = next;
+/// The least number of what is joined with one.
+pub(super) fn top(above: &mut [u32], mut one: u32) -> u32 {
+    while above[one as usize] != one {
+        let next = above[above[one as usize] as usize];
+        above[one as usize] = next;
+        one = next;
     }
-    point
+    one
 }
 
 impl Reference {

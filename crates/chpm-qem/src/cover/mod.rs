@@ -66,7 +66,9 @@ pub struct Course<'a> {
 pub struct Limits {
     /// Triangles of the reference for each of the first mesh that is held against it, at least: with few its own errors decide.
     pub ratio: usize,
-    /// The same for the next reference, which serves from there on.
+    /// So many, and it serves no longer.
+    pub last_ratio: usize,
+    /// What `ratio` is for the next reference, which serves from there on.
     pub next_ratio: usize,
     /// Pieces after which nothing more is found anew beside a reference, about a microsecond each.
     pub pieces: u64,
@@ -77,11 +79,12 @@ pub struct Limits {
 pub fn tightened(course: &Course<'_>, references: &[Reference], limits: Limits) -> Vec<f32> {
     let composed = course.collapses.iter().map(|collapse| collapse.error);
     let [reference, coarser @ ..] = references else { return composed.collect() };
-    let coarse = coarser.first();
-    let mut cover = Cover::new(course, reference, coarse, limits);
+    let mut cover = Cover::new(course, reference, coarser, limits);
     let mut dropped = course.dropped.iter().peekable();
     let errors = course.collapses.iter().enumerate().map(|(place, collapse)| {
-        if coarse.is_none_or(|coarse| limits.next_ratio * cover.alive > coarse.triangle_count()) {
+        let is_served = cover.alive > reference.triangle_count() / limits.last_ratio
+            && coarser.first().is_none_or(|next| limits.next_ratio * cover.alive > next.triangle_count());
+        if is_served {
             while let Some((_, ball)) = dropped.next_if(|(at, _)| *at == place) {
                 // What is dropped is small beside what was composed, and has to be beside what is found.
                 cover.floor = collapse.error;
@@ -98,8 +101,8 @@ pub fn tightened(course: &Course<'_>, references: &[Reference], limits: Limits) 
 struct Cover<'a> {
     course: &'a Course<'a>,
     reference: &'a Reference,
-    /// One of fewer triangles, against which faces are held first.
-    coarse: Option<&'a Reference>,
+    /// Those of fewer triangles, against which faces are held first.
+    coarser: &'a [Reference],
     mesh: Adjacency,
     /// Per face, where it is.
     targets: Vec<Target>,
@@ -123,8 +126,8 @@ struct Cover<'a> {
     loss: f64,
     pieces: Pieces,
     /// For each of the references.
-    chains: [Chain; 2],
-    luck: [Luck; 2],
+    chains: Vec<Chain>,
+    luck: Vec<Luck>,
     limits: Limits,
     seen_triangles: Seen,
     seen_faces: Seen,
@@ -148,7 +151,7 @@ impl<'a> Cover<'a> {
     fn new(
         course: &'a Course<'a>,
         reference: &'a Reference,
-        coarse: Option<&'a Reference>,
+        coarser: &'a [Reference],
         limits: Limits,
     ) -> Self {
         let mut mesh = Adjacency::default();
@@ -157,7 +160,7 @@ impl<'a> Cover<'a> {
         Cover {
             course,
             reference,
-            coarse,
+            coarser,
             mesh,
             targets: Vec::new(),
             held: vec![Vec::new(); faces],
@@ -172,8 +175,8 @@ impl<'a> Cover<'a> {
             tried_at: 0.0,
             loss: LOSS * reference.scale(),
             pieces: Pieces::default(),
-            chains: Default::default(),
-            luck: Default::default(),
+            chains: Vec::from_iter((0..=coarser.len()).map(|_| Chain::default())),
+            luck: vec![Luck::default(); 1 + coarser.len()],
             limits,
             seen_triangles: Seen::of(triangles),
             seen_faces: Seen::of(faces),

@@ -1,9 +1,9 @@
 //! Faces of the mesh, held against the reference.
 
+use super::Cover;
 use super::pieces::Surface;
 use super::reference::Reference;
 use super::surfaces::{Own, enough};
-use super::{Cover, FACES};
 use nalgebra::Point3;
 
 /// Triangles over a face that take the time of a piece, and those that are only looked at.
@@ -13,39 +13,52 @@ const LOOKED_AT: usize = 128;
 /// Faces after which a way of holding them has to be worth its time: so many times fewer have to be held by it.
 const FIRST: u32 = 64;
 const WORTH: u32 = 4;
+/// Half of them are forgotten when there are so many.
+const LAST: u32 = 256;
+/// One of so many faces is held by it even if it is not, since that may change.
+const AGAIN: u32 = 16;
+/// A reference is tried where what is allowed is so many times the error of most of its triangles.
+const ABOVE: f64 = 2.5;
 
 /// How often a way that is tried first has held a face.
-#[derive(Debug, Default)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Luck {
+    asked: u32,
     tried: u32,
     held: u32,
 }
 
 impl Luck {
-    fn is_worth_trying(&self) -> bool {
-        self.tried < FIRST || WORTH * self.held >= self.tried
+    fn is_worth_trying(&mut self) -> bool {
+        self.asked += 1;
+        self.tried < FIRST || WORTH * self.held >= self.tried || self.asked % AGAIN == 0
     }
 
     fn note(&mut self, is_held: bool) {
         self.tried += 1;
         self.held += u32::from(is_held);
+        if self.tried == LAST {
+            (self.tried, self.held) = (LAST / 2, self.held / 2);
+        }
     }
 }
 
-/// Whose scratch it is.
+/// Whose scratch it is: those of coarser references follow.
 const FINE: usize = 0;
-const COARSE: usize = 1;
 
 impl Cover<'_> {
-    /// Holds a face: against what of the coarser reference is over it, what of the reference itself is, and the nearest where that is too high or is not shown to be
+    /// Holds a face: against what of the coarsest references is over it, what of the reference itself is, and the nearest where that is too high or is not shown to be
     /// over all of it.
     pub(super) fn cover(&mut self, face: u32, error: f32) {
         let allowed = self.reached;
-        let coarse = self.coarse.filter(|_| self.luck[COARSE].is_worth_trying());
-        if let Some(coarse) = coarse {
-            let held = self.hold_under(face, coarse, COARSE);
-            let is_held = held.is_some() && self.chains[COARSE].steep.is_empty();
-            self.luck[COARSE].note(is_held);
+        for (index, coarse) in self.coarser.iter().enumerate().rev() {
+            let which = 1 + index;
+            if ABOVE * coarse.usual_error > allowed || !self.luck[which].is_worth_trying() {
+                continue;
+            }
+            let held = self.hold_under(face, coarse, which);
+            let is_held = held.is_some() && self.chains[which].steep.is_empty();
+            self.luck[which].note(is_held);
             if is_held {
                 return;
             }
@@ -71,30 +84,13 @@ impl Cover<'_> {
         self.reached = self.reached.max(far.min(f64::from(error)));
     }
 
-    /// Holds a face against triangles over it, as [`super::chain::Chain::hold`] does. Of the reference itself those count that are held against it or those around it: others are of another
-    /// sheet.
+    /// Holds a face against triangles over it, as [`super::chain::Chain::hold`] does.
     fn hold_under(&mut self, face: u32, reference: &Reference, which: usize) -> Option<f64> {
-        if which == FINE {
-            self.seen_faces.begin();
-            let mut seen = 0;
-            for vertex in self.mesh.faces[face as usize].corners {
-                for wing in self.mesh.all_wings(vertex) {
-                    seen += 1;
-                    self.seen_faces.is_new(wing.face);
-                }
-            }
-            self.pieces.count += seen / FACES as u64;
-        }
         let target = &self.targets[face as usize];
-        let (over, holders, seen) = (&mut self.over, &self.holders, &self.seen_faces);
+        let over = &mut self.over;
         over.clear();
         let around = target.around(self.reached);
-        let looked_at = reference.tree.meeting(&reference.targets, &mut self.search, &around, |triangle| {
-            let holder = holders[triangle as usize] as usize;
-            if which != FINE || seen.at.get(holder).is_some_and(|turn| *turn == seen.turn) {
-                over.push(triangle);
-            }
-        });
+        let looked_at = reference.tree.meeting(&mut self.search, &around, |triangle| over.push(triangle));
         self.pieces.count += (looked_at / LOOKED_AT + over.len() / TRIANGLES) as u64;
         self.chains[which].hold(&target.corners, reference, over, self.reached, self.loss)
     }

@@ -10,6 +10,8 @@ use chpm_mesh::geom::to_f64;
 #[derive(Debug, Default)]
 pub struct Reference {
     pub(crate) points: Vec<[f32; 3]>,
+    /// The points by the bits of their places.
+    by_place: Vec<u32>,
     pub(crate) triangles: Vec<[u32; 3]>,
     pub(crate) errors: Vec<f32>,
     /// Per triangle the numbers of its edges, from each corner to the next; the same for all that have the edge.
@@ -56,15 +58,40 @@ impl Reference {
             joined[v as usize] = self.points.len() as u32 - 1;
         }
         self.triangles.iter_mut().for_each(|t| *t = t.map(|v| joined[v as usize]));
+        self.arrange();
         self.number_edges();
         self.islands = Islands::new(self.points.len(), &self.triangles);
 
-        let all = 0..self.triangles.len() as u32;
-        self.targets = all.clone().map(|index| Target::new(self.corners(index).map(to_f64))).collect();
-        self.tree = BoxTree::new(&self.targets, all.collect());
         let mut errors = self.errors.clone();
         errors.sort_unstable_by(f32::total_cmp);
         self.usual_error = errors.get(errors.len() / 4 * 3).map_or(0.0, |error| f64::from(*error));
+    }
+
+    /// Puts triangles that are near each other side by side, and their points.
+    fn arrange(&mut self) {
+        let all = 0..self.triangles.len() as u32;
+        let targets: Vec<Target> =
+            all.clone().map(|index| Target::new(self.corners(index).map(to_f64))).collect();
+        self.tree = BoxTree::new(&targets, all.collect());
+        let order = self.tree.take_order();
+        self.targets = order.iter().map(|index| targets[*index as usize]).collect();
+        self.errors = order.iter().map(|index| self.errors[*index as usize]).collect();
+        self.triangles = order.iter().map(|index| self.triangles[*index as usize]).collect();
+
+        // Points of no triangle come last.
+        let mut numbers = vec![u32::MAX; self.points.len()];
+        let used = self.triangles.as_flattened().iter().copied();
+        let mut count = 0;
+        for point in used.chain(0..self.points.len() as u32) {
+            let number = &mut numbers[point as usize];
+            if *number == u32::MAX {
+                (*number, count) = (count, count + 1);
+            }
+        }
+        let points = self.points.clone();
+        points.iter().zip(&numbers).for_each(|(point, number)| self.points[*number as usize] = *point);
+        self.triangles.iter_mut().for_each(|t| *t = t.map(|v| numbers[v as usize]));
+        self.by_place = numbers;
     }
 
     fn number_edges(&mut self) {
@@ -90,8 +117,8 @@ impl Reference {
     /// The point at a place, if there is one.
     pub(crate) fn point_at(&self, place: [f32; 3]) -> Option<u32> {
         let key = place.map(|x| (x + 0.0).to_bits());
-        let found = self.points.binary_search_by_key(&key, |point| point.map(f32::to_bits));
-        found.ok().map(|at| at as u32)
+        let at = |point: &u32| self.points[*point as usize].map(f32::to_bits);
+        self.by_place.binary_search_by_key(&key, at).ok().map(|at| self.by_place[at])
     }
 
     pub(crate) fn corners(&self, triangle: u32) -> [[f32; 3]; 3] {

@@ -33,9 +33,12 @@ impl Target {
         sum
     }
 
-    /// The box around it and all that is within a distance.
+    /// The box around all that is over or under it, no farther than this from its plane.
     pub(crate) fn around(&self, far: f64) -> (Vector3<f64>, Vector3<f64>) {
-        (self.low.add_scalar(-far), self.high.add_scalar(far))
+        let [a, b, c] = self.corners;
+        let normal = (b - a).cross(&(c - a)).try_normalize(0.0);
+        let beyond = normal.map_or(Vector3::zeros(), |normal| normal.abs() * far);
+        (self.low - beyond, self.high + beyond)
     }
 
     /// The nearer of this one, whose number is `index`, and the best so far.
