@@ -47,7 +47,6 @@ impl Look {
                 shrink: u64::MAX,
                 limits: Limits {
                     ratio: if source < 4_000_000 { 12 } else { 6 },
-                    last_ratio: usize::MAX,
                     next_ratio: 12,
                     pieces: source.clamp(1 << 16, 150_000).max(source / 8),
                 },
@@ -57,7 +56,7 @@ impl Look {
                 most: TIGHT_BELOW,
                 coarsest: TIGHT_BELOW,
                 shrink: 2,
-                limits: Limits { ratio: 8, last_ratio: usize::MAX, next_ratio: 24, pieces: 300_000 },
+                limits: Limits { ratio: 8, next_ratio: 24, pieces: 300_000 },
                 pieces_each: PIECES_EACH,
             },
         }
@@ -92,16 +91,12 @@ pub(super) fn lower(
     });
     let collapses: Vec<Collapse> = in_order.collect();
     let course = Course { positions, triangles, collapses: &collapses, dropped, dropped_before };
-    // The finest serves most meshes: in two turns, side by side.
-    let Limits { ratio, next_ratio, .. } = look.limits;
-    let turns = [(0, ratio, 2 * ratio), (0, 2 * ratio, usize::MAX)];
-    let turns = turns.into_iter().chain((1..references.len()).map(|finest| (finest, next_ratio, usize::MAX)));
-    let turns: Vec<_> = turns.filter(|(finest, ..)| *finest < references.len()).collect();
-    let found: Vec<Vec<f32>> = turns
+    let found: Vec<Vec<f32>> = (0..references.len())
         .into_par_iter()
-        .map(|(finest, ratio, last_ratio)| {
+        .map(|finest| {
+            let ratio = if finest == 0 { look.limits.ratio } else { look.limits.next_ratio };
             let pieces = look.limits.pieces + look.pieces_each * references[finest].triangle_count() as u64;
-            tightened(&course, &references[finest..], Limits { ratio, last_ratio, pieces, ..look.limits })
+            tightened(&course, &references[finest..], Limits { ratio, pieces, ..look.limits })
         })
         .collect();
 

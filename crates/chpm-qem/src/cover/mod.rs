@@ -66,9 +66,7 @@ pub struct Course<'a> {
 pub struct Limits {
     /// Triangles of the reference for each of the first mesh that is held against it, at least: with few its own errors decide.
     pub ratio: usize,
-    /// So many, and it serves no longer.
-    pub last_ratio: usize,
-    /// What `ratio` is for the next reference, which serves from there on.
+    /// The same for the next reference, which serves from there on.
     pub next_ratio: usize,
     /// Pieces after which nothing more is found anew beside a reference, about a microsecond each.
     pub pieces: u64,
@@ -82,9 +80,7 @@ pub fn tightened(course: &Course<'_>, references: &[Reference], limits: Limits) 
     let mut cover = Cover::new(course, reference, coarser, limits);
     let mut dropped = course.dropped.iter().peekable();
     let errors = course.collapses.iter().enumerate().map(|(place, collapse)| {
-        let is_served = cover.alive > reference.triangle_count() / limits.last_ratio
-            && coarser.first().is_none_or(|next| limits.next_ratio * cover.alive > next.triangle_count());
-        if is_served {
+        if coarser.first().is_none_or(|next| limits.next_ratio * cover.alive > next.triangle_count()) {
             while let Some((_, ball)) = dropped.next_if(|(at, _)| *at == place) {
                 // What is dropped is small beside what was composed, and has to be beside what is found.
                 cover.floor = collapse.error;

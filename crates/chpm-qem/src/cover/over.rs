@@ -12,11 +12,11 @@ const LOOKED_AT: usize = 128;
 
 /// Faces after which a way of holding them has to be worth its time: so many times fewer have to be held by it.
 const FIRST: u32 = 64;
-const WORTH: u32 = 4;
+const WORTH: u32 = 2;
 /// Half of them are forgotten when there are so many.
 const LAST: u32 = 256;
 /// One of so many faces is held by it even if it is not, since that may change.
-const AGAIN: u32 = 16;
+const AGAIN: u32 = 64;
 /// A reference is tried where what is allowed is so many times the error of most of its triangles.
 const ABOVE: f64 = 2.5;
 

@@ -35,7 +35,7 @@ fn anew(mesh: &TriMesh, mut run: Run) -> Run {
         dropped: &dropped,
         dropped_before: &[],
     };
-    let limits = Limits { ratio: 2, last_ratio: usize::MAX, next_ratio: 1 << 20, pieces: u64::MAX };
+    let limits = Limits { ratio: 2, next_ratio: 1 << 20, pieces: u64::MAX };
     let errors = tightened(&course, &[reference, coarse], limits);
     let mut last = 0.0_f32;
     for (collapse, error) in run.collapses.iter_mut().zip(&errors) {
