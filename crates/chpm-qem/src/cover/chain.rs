@@ -67,7 +67,7 @@ pub(crate) struct Chain {
     sheets: Vec<Sheet>,
     /// Parts of the face over which triangles are too high, which may be near others.
     pub(crate) steep: Vec<[Point3<f64>; 3]>,
-    /// Per point and edge of the reference, what was found for the face of a turn.
+    /// Per point and edge of a reference, what was found for the face of a turn.
     points: Vec<(u32, Over)>,
     met: Vec<Met>,
     turn: u32,
@@ -160,7 +160,9 @@ impl Chain {
     /// Takes the triangles over the face: not those beside it, or all of which is farther than `far` from the plane on one side.
     fn gather(&mut self, reference: &Reference, triangles: &[u32], frame: &Frame, far: f64, loss: f64) {
         self.turn += 1;
-        self.points.resize(reference.points.len(), (0, [0.0; 4]));
+        if self.points.len() < reference.points.len() {
+            self.points.resize(reference.points.len(), (0, [0.0; 4]));
+        }
         self.over.clear();
         self.triangles.clear();
         for triangle in triangles {
@@ -184,7 +186,9 @@ impl Chain {
     /// Joins them to sheets, each by the first of its triangles.
     fn join(&mut self, reference: &Reference, loss: f64) {
         let Chain { over, triangles, above, of, sheets, met, turn, .. } = self;
-        met.resize(reference.edge_count, Met::default());
+        if met.len() < reference.edge_count {
+            met.resize(reference.edge_count, Met::default());
+        }
         above.clear();
         above.extend(0..triangles.len() as u32);
         for (index, (triangle, over)) in (0..).zip(triangles.iter().zip(over.iter())) {

@@ -121,8 +121,8 @@ struct Cover<'a> {
     tried_at: f32,
     loss: f64,
     pieces: Pieces,
+    chain: Chain,
     /// For each of the references.
-    chains: Vec<Chain>,
     luck: Vec<Luck>,
     limits: Limits,
     seen_triangles: Seen,
@@ -171,7 +171,7 @@ impl<'a> Cover<'a> {
             tried_at: 0.0,
             loss: LOSS * reference.scale(),
             pieces: Pieces::default(),
-            chains: Vec::from_iter((0..=coarser.len()).map(|_| Chain::default())),
+            chain: Chain::default(),
             luck: vec![Luck::default(); 1 + coarser.len()],
             limits,
             seen_triangles: Seen::of(triangles),

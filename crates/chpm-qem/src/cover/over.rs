@@ -43,7 +43,7 @@ impl Luck {
     }
 }
 
-/// Whose scratch it is: those of coarser references follow.
+/// Whose luck it is: those of coarser references follow.
 const FINE: usize = 0;
 
 impl Cover<'_> {
@@ -56,8 +56,7 @@ impl Cover<'_> {
             if ABOVE * coarse.usual_error > allowed || !self.luck[which].is_worth_trying() {
                 continue;
             }
-            let held = self.hold_under(face, coarse, which);
-            let is_held = held.is_some() && self.chains[which].steep.is_empty();
+            let is_held = self.hold_under(face, coarse).is_some() && self.chain.steep.is_empty();
             self.luck[which].note(is_held);
             if is_held {
                 return;
@@ -66,16 +65,16 @@ impl Cover<'_> {
 
         let mut held = None;
         if self.luck[FINE].is_worth_trying() {
-            held = self.hold_under(face, self.reference, FINE);
+            held = self.hold_under(face, self.reference);
             self.luck[FINE].note(held.is_some());
         }
         let far = match held {
             Some(beyond) => {
-                let parts = std::mem::take(&mut self.chains[FINE].steep);
+                let parts = std::mem::take(&mut self.chain.steep);
                 let far =
                     parts.iter().map(|part| self.hold_against_nearest(*part, allowed - beyond) + beyond);
                 let far = far.fold(0.0, f64::max);
-                self.chains[FINE].steep = parts;
+                self.chain.steep = parts;
                 far
             }
             None => self.hold_against_nearest(self.targets[face as usize].corners, allowed),
@@ -85,14 +84,14 @@ impl Cover<'_> {
     }
 
     /// Holds a face against triangles over it, as [`super::chain::Chain::hold`] does.
-    fn hold_under(&mut self, face: u32, reference: &Reference, which: usize) -> Option<f64> {
+    fn hold_under(&mut self, face: u32, reference: &Reference) -> Option<f64> {
         let target = &self.targets[face as usize];
         let over = &mut self.over;
         over.clear();
         let around = target.around(self.reached);
         let looked_at = reference.tree.meeting(&mut self.search, &around, |triangle| over.push(triangle));
         self.pieces.count += (looked_at / LOOKED_AT + over.len() / TRIANGLES) as u64;
-        self.chains[which].hold(&target.corners, reference, over, self.reached, self.loss)
+        self.chain.hold(&target.corners, reference, over, self.reached, self.loss)
     }
 
     /// How far a face, or part of one, is from the nearest of the reference, at most; what is within `allowed` is not looked at more closely.
