@@ -5,6 +5,7 @@ use anyhow::{Context, Result, bail, ensure};
 use chpm_build::Cancel;
 use chpm_import::{COMPRESSED, FORMATS, Images, extension, extensions, input};
 use glob::MatchOptions;
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::fs;
@@ -107,9 +108,9 @@ fn walk(root: &Path, folder: &Path, parts: &BTreeSet<PathBuf>, found: &mut Vec<M
         } else if is_mesh(&path) && !parts.contains(&path) {
             let relative = path.strip_prefix(root).unwrap_or(&path);
             let name = relative.with_file_name(stem(relative)?);
-            let parts: Option<Vec<&str>> = name.iter().map(OsStr::to_str).collect();
+            let parts: Vec<Cow<'_, str>> = name.iter().map(OsStr::to_string_lossy).collect();
             // The same on every system.
-            let name = parts.with_context(|| format!("'{}' is not UTF-8", path.display()))?.join("/");
+            let name = parts.join("/");
             found.push(Model { name, source: path, settings: Vec::new() });
         }
     }
@@ -137,11 +138,11 @@ fn unique(found: Vec<Model>) -> Result<Vec<Model>> {
     Ok(models.into_values().collect())
 }
 
-/// The file's name without the extensions of a mesh; others belong to it.
+/// The file's name without the extensions of a mesh; others belong to it. What of it is no text becomes U+FFFD, so that it is built like others.
 pub(crate) fn stem(path: &Path) -> Result<String> {
-    let name = path.file_name().and_then(|name| name.to_str());
-    let name = name.with_context(|| format!("'{}' has no name in UTF-8", path.display()))?;
-    let name = cut(name, |extension| COMPRESSED.contains(&extension)).unwrap_or_else(|| name.to_owned());
+    let name =
+        path.file_name().with_context(|| format!("'{}' has no name", path.display()))?.to_string_lossy();
+    let name = cut(&name, |extension| COMPRESSED.contains(&extension)).unwrap_or_else(|| name.into_owned());
     Ok(cut(&name, is_of_mesh).unwrap_or(name))
 }
 
