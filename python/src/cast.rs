@@ -58,7 +58,7 @@ impl Hits {
 type Rows<'py> = PyArrayLikeDyn<'py, f64, AllowTypeChange>;
 
 /// An array, unless something in it is masked: what is below a mask is no number.
-fn unmasked<'py>(name: &str, given: &Bound<'py, PyAny>) -> PyResult<Rows<'py>> {
+fn unmasked<'py>(name: &str, given: &pyo3::Bound<'py, PyAny>) -> PyResult<Rows<'py>> {
     let is_masked = given.py().import("numpy")?.getattr("ma")?.call_method1("is_masked", (given,))?;
     if is_masked.is_truthy()? {
         let told = format!("{name}: an array without masked values expected; leave their rows out");
@@ -72,8 +72,8 @@ const ROOM: Bytes = Bytes(512 << 20);
 
 /// The rays of arrays, about the file's origin.
 pub(crate) fn rays(
-    origins: &Bound<'_, PyAny>,
-    directions: &Bound<'_, PyAny>,
+    origins: &pyo3::Bound<'_, PyAny>,
+    directions: &pyo3::Bound<'_, PyAny>,
     reach: Option<f64>,
     origin: [f64; 3],
 ) -> PyResult<Vec<Ray>> {

@@ -31,8 +31,10 @@ pub(crate) fn collect(inputs: &[PathBuf], stdin: impl BufRead) -> Result<Vec<Mod
             let Some(stdin) = stdin.take() else { bail!("'-' was given twice; there is one standard input") };
             for line in stdin.lines() {
                 let line = line.context("cannot read the list on standard input")?;
+                // A shell may put the mark of UTF-8 before what it hands on.
+                let line = line.trim_start_matches('\u{feff}').trim_end_matches('\r');
                 if !line.trim().is_empty() {
-                    take(Path::new(line.trim_end_matches('\r')), &mut found)?;
+                    take(Path::new(line), &mut found)?;
                 }
             }
         } else {
@@ -214,7 +216,7 @@ mod tests {
         assert_eq!(names(std::slice::from_ref(&root), ""), ["a", "b", "set", "sub/c"]);
         assert_eq!(names(&[at("*.ply")], ""), ["b", "one"]);
         assert_eq!(
-            names(&["-".into()], &format!("{0}/b.ply\r\n\n{0}/a.ply.gz\n", root.display())),
+            names(&["-".into()], &format!("\u{feff}{0}/b.ply\r\n\n{0}/a.ply.gz\n", root.display())),
             ["a", "b"]
         );
         assert_eq!(names(&[at("b.ply"), at("b.ply")], ""), ["b"]);

@@ -308,3 +308,13 @@ fn real_colours_beyond_one_are_told() {
         }
     }
 }
+
+#[test]
+fn a_mark_of_utf_8_before_lists_and_paths_is_passed_over() {
+    let folder = Folder::new();
+    folder.write("a.obj", OBJ);
+    folder.write("list.json", "\u{feff}{\"model\": [{\"source\": \"a.obj\"}]}");
+    folder.stdout("batch list.json -o out -q");
+    folder.write("a.path", "\u{feff}chpm-path 1\n0 0 5 0 0 0 0 1 0 45\n");
+    folder.stdout("walk out/a.chpm a.path -q");
+}

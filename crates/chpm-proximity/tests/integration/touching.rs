@@ -186,7 +186,7 @@ fn a_source_that_does_not_meet_itself_is_not_found_to() {
 /// Two clusters may have any number of near triangles.
 #[test]
 fn near_triangles_of_two_clusters_are_stopped_among() {
-    let built = Built::new("sphere", Synth::new(Shape::Sphere, 600, 0).to_mesh(), [0.0; 3], false);
+    let built = Built::in_large_clusters("sphere", Synth::new(Shape::Sphere, 600, 0).to_mesh());
     let near = Near { within: built.diagonal(), error: 0.0, limit: 1 << 20 };
     let run = |asks: u64| {
         let [x, y] = [0; 2].map(|_| Model::new(&built.file, Bytes(1 << 20)).unwrap());
@@ -199,8 +199,7 @@ fn near_triangles_of_two_clusters_are_stopped_among() {
         (found, asked)
     };
     let (whole, asked) = run(u64::MAX);
-    let jobs = built.file.clusters().len().pow(2) as u64;
-    assert!(whole.complete && whole.pairs > 200_000 && asked > 2 * jobs, "{} {asked} {jobs}", whole.pairs);
+    assert!(whole.complete && whole.pairs > 200_000, "{}", whole.pairs);
     let (part, _) = run(asked - 1);
-    assert!(!part.complete && part.pairs < whole.pairs, "{} of {}", part.pairs, whole.pairs);
+    assert!(!part.complete && (1..whole.pairs).contains(&part.pairs), "{} of {}", part.pairs, whole.pairs);
 }
