@@ -80,7 +80,7 @@ impl Crs {
             let way: [f64; 3] = std::array::from_fn(|row| there[row] - matrix[12 + row]);
             Some(std::array::from_fn(|axis| (0..3).map(|row| matrix[4 * axis + row] * way[row]).sum()))
         };
-        let name = format!("{self} {}", self.geoid);
+        let name = if self.geoid == 0.0 { self.to_string() } else { format!("{self}, geoid {}", self.geoid) };
         let reprojection = Reprojection::new(name, corners, Arc::new(map))?;
         ensure!(!reprojection.is_mirror(), "{self} has axes to the south and west, which mirror a mesh");
         Ok((Placed { matrix, crs: Some(self.clone()), warning: None }, reprojection))

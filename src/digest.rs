@@ -107,13 +107,13 @@ fn print_model(file: &Chpm<MappedFile>, metadata: Option<&Metadata>, out: &mut i
     let origin = if h.origin == [0.0; 3] {
         String::new()
     } else {
-        format!(", relative to {}", report::point(h.origin))
+        format!(", relative to {}", report::point(h.origin, bounds.diagonal()))
     };
     writeln!(
         out,
         "box        {x} x {y} x {z} units, from {} to {}{origin}",
-        report::point(bounds.min.map(f64::from)),
-        report::point(bounds.max.map(f64::from))
+        report::point(bounds.min.map(f64::from), bounds.diagonal()),
+        report::point(bounds.max.map(f64::from), bounds.diagonal())
     )?;
     writeln!(
         out,

@@ -162,9 +162,14 @@ impl MeshArgs {
             })
     }
 
+    /// Whether it is written as it is read.
+    pub(crate) fn is_streamed(&self) -> bool {
+        self.order == Order::File
+    }
+
     /// Bytes of `free` ones for pages that were packed: what is put into another order is read twice in any case.
     pub(crate) fn to_keep(&self, free: u64) -> u64 {
-        if self.order == Order::File { free } else { 0 }
+        if self.is_streamed() { free } else { 0 }
     }
 
     /// Bytes that the order of this mesh takes besides.

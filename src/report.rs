@@ -2,7 +2,7 @@
 
 use crate::escape::in_line;
 use crate::json::file::{Build, BuildSource, Stage};
-use crate::number::{Short, Units};
+use crate::number::{Digits, Short, Units};
 use chpm_build::BuildReport;
 use chpm_build::report::LevelReport;
 use chpm_format::records::REFUSALS;
@@ -170,9 +170,18 @@ pub(crate) fn repair_lines(repairs: &[(String, u64)]) -> Vec<String> {
         .collect()
 }
 
-/// A point for people.
-pub(crate) fn point(at: [f64; 3]) -> String {
-    let [x, y, z] = at.map(Units);
+/// A coordinate for people in a model of this diagonal: as a length, or, far from zero, with the digits by which places of the model differ.
+pub(crate) fn coordinate(x: f64, diagonal: f64) -> String {
+    let told = Units(x).to_string();
+    match told.parse::<f64>().is_ok_and(|told| (told - x).abs() <= 1e-2 * diagonal) {
+        true => told,
+        false => Digits::within((1e-3 * diagonal).max(f64::MIN_POSITIVE), x.abs()).of(x),
+    }
+}
+
+/// A point for people in a model of this diagonal.
+pub(crate) fn point(at: [f64; 3], diagonal: f64) -> String {
+    let [x, y, z] = at.map(|x| coordinate(x, diagonal));
     format!("({x}, {y}, {z})")
 }
 

@@ -72,6 +72,8 @@ mod integration {
     mod meshlets;
     /// Surfaces that touch, coincide or overlap: no report of what the source has itself.
     mod odd_cuts;
+    /// Odd sources, names and options: what is told of them, and what comes out.
+    mod oddities;
     /// What is written, and where: devices, links, streams, names, limits.
     mod outputs;
     /// Releases: workflows, manifests of package managers.

@@ -55,13 +55,33 @@ impl Hits {
 }
 
 /// Numbers in rows of three.
-pub(crate) type Rows<'py> = PyArrayLikeDyn<'py, f64, AllowTypeChange>;
+type Rows<'py> = PyArrayLikeDyn<'py, f64, AllowTypeChange>;
+
+/// An array, unless something in it is masked: what is below a mask is no number.
+fn unmasked<'py>(name: &str, given: &pyo3::Bound<'py, PyAny>) -> PyResult<Rows<'py>> {
+    let is_masked = given.py().import("numpy")?.getattr("ma")?.call_method1("is_masked", (given,))?;
+    if is_masked.is_truthy()? {
+        let told = format!("{name}: an array without masked values expected; leave their rows out");
+        return Err(Failure::Asked(told).into());
+    }
+    given.extract()
+}
 
 /// Memory for pages and rays.
 const ROOM: Bytes = Bytes(512 << 20);
 
 /// The rays of arrays, about the file's origin.
 pub(crate) fn rays(
+    origins: &pyo3::Bound<'_, PyAny>,
+    directions: &pyo3::Bound<'_, PyAny>,
+    reach: Option<f64>,
+    origin: [f64; 3],
+) -> PyResult<Vec<Ray>> {
+    let (origins, directions) = (unmasked("origins", origins)?, unmasked("directions", directions)?);
+    Ok(sound(&origins, &directions, reach, origin)?)
+}
+
+fn sound(
     origins: &Rows<'_>,
     directions: &Rows<'_>,
     reach: Option<f64>,

@@ -2,7 +2,7 @@
 
 use crate::asked::{Amount, Asked};
 use crate::camera::{Camera, From as Point};
-use crate::cast::{self, Hits, Rows};
+use crate::cast::{self, Hits};
 use crate::error::Failure;
 use crate::page::Page;
 use crate::section::{self, Section};
@@ -402,22 +402,22 @@ impl File {
     /// Raises
     /// ------
     /// SelectionError
-    ///     If arrays have another shape, a number is not finite, a direction has no length, or the file has no proven errors and ``error`` is above 0; a ValueError, too.
+    ///     If arrays have another shape, a number is masked or not finite, a direction has no length, or the file has no proven errors and ``error`` is above 0; a ValueError, too.
     /// DamagedError, FileError
     ///     If the file is damaged, or was changed meanwhile.
     #[pyo3(signature = (origins, directions, *, error=None, any=false, reach=None))]
     fn cast(
         &self,
         py: Python<'_>,
-        origins: Rows<'_>,
-        directions: Rows<'_>,
+        origins: &Bound<'_, PyAny>,
+        directions: &Bound<'_, PyAny>,
         error: Option<Amount>,
         any: bool,
         reach: Option<f64>,
     ) -> PyResult<Hits> {
         let model = self.model()?;
         let origin = model.file.header().origin;
-        let rays = cast::rays(&origins, &directions, reach, origin)?;
+        let rays = cast::rays(origins, directions, reach, origin)?;
         let seek = if any { Seek::Any } else { Seek::Nearest };
         Hits::new(py, cast::cast(py, &model, &rays, error.as_ref(), seek)?, any, origin)
     }

@@ -157,6 +157,8 @@ NOT_FINITE = np.array([[0, 0, 0], [1, np.nan, 0], [0, 1, 0]])
         (POINTS.ravel(), FACES, {}, r"vertices: .*got \(9,\)"),
         (POINTS.astype(int), FACES, {}, "vertices: float32 or float64 expected, got int64"),
         (POINTS.astype("f2"), FACES, {}, "vertices: float32 or float64 expected, got float16"),
+        (np.ma.masked_equal(POINTS, 1), FACES, {}, "vertices: an array without masked values expected"),
+        (POINTS, np.ma.masked_equal(FACES, 2), {}, "faces: an array without masked values expected"),
         (NOT_FINITE, FACES, {}, r"vertices\[1\] is not finite: .*drop_invalid"),
         (POINTS, FACES.astype(float), {}, "faces: integers expected, got float64"),
         (POINTS, FACES[:, :2], {}, r"faces: an array of the shape \(n, 3\) expected, got \(1, 2\)"),

@@ -103,6 +103,7 @@ def test_any_and_reach_agree_with_the_nearest(models):
         ([0, 0, 0], [[0, 0, 1]], "origins: an array of the shape"),
         ([[0, 0, 0]], [[0, 1]], "directions: an array of the shape"),
         ([[0, 0, 0]], [[0, 0, 1], [0, 0, 1]], "as many directions as origins"),
+        (np.ma.masked_equal([[7.0, 0, 0]], 7), [[0, 0, 1]], "origins: an array without masked values"),
     ],
 )
 def test_what_is_no_ray_is_refused(models, origins, directions, told):

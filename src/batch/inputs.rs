@@ -5,6 +5,7 @@ use anyhow::{Context, Result, bail, ensure};
 use chpm_build::Cancel;
 use chpm_import::{COMPRESSED, FORMATS, Images, extension, extensions, input};
 use glob::MatchOptions;
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::fs;
@@ -30,8 +31,10 @@ pub(crate) fn collect(inputs: &[PathBuf], stdin: impl BufRead) -> Result<Vec<Mod
             let Some(stdin) = stdin.take() else { bail!("'-' was given twice; there is one standard input") };
             for line in stdin.lines() {
                 let line = line.context("cannot read the list on standard input")?;
+                // A shell may put the mark of UTF-8 before what it hands on.
+                let line = line.trim_start_matches('\u{feff}').trim_end_matches('\r');
                 if !line.trim().is_empty() {
-                    take(Path::new(line.trim_end_matches('\r')), &mut found)?;
+                    take(Path::new(line), &mut found)?;
                 }
             }
         } else {
@@ -107,9 +110,9 @@ fn walk(root: &Path, folder: &Path, parts: &BTreeSet<PathBuf>, found: &mut Vec<M
         } else if is_mesh(&path) && !parts.contains(&path) {
             let relative = path.strip_prefix(root).unwrap_or(&path);
             let name = relative.with_file_name(stem(relative)?);
-            let parts: Option<Vec<&str>> = name.iter().map(OsStr::to_str).collect();
+            let parts: Vec<Cow<'_, str>> = name.iter().map(OsStr::to_string_lossy).collect();
             // The same on every system.
-            let name = parts.with_context(|| format!("'{}' is not UTF-8", path.display()))?.join("/");
+            let name = parts.join("/");
             found.push(Model { name, source: path, settings: Vec::new() });
         }
     }
@@ -137,11 +140,11 @@ fn unique(found: Vec<Model>) -> Result<Vec<Model>> {
     Ok(models.into_values().collect())
 }
 
-/// The file's name without the extensions of a mesh; others belong to it.
+/// The file's name without the extensions of a mesh; others belong to it. What of it is no text becomes U+FFFD, so that it is built like others.
 pub(crate) fn stem(path: &Path) -> Result<String> {
-    let name = path.file_name().and_then(|name| name.to_str());
-    let name = name.with_context(|| format!("'{}' has no name in UTF-8", path.display()))?;
-    let name = cut(name, |extension| COMPRESSED.contains(&extension)).unwrap_or_else(|| name.to_owned());
+    let name =
+        path.file_name().with_context(|| format!("'{}' has no name", path.display()))?.to_string_lossy();
+    let name = cut(&name, |extension| COMPRESSED.contains(&extension)).unwrap_or_else(|| name.into_owned());
     Ok(cut(&name, is_of_mesh).unwrap_or(name))
 }
 
@@ -213,7 +216,7 @@ mod tests {
         assert_eq!(names(std::slice::from_ref(&root), ""), ["a", "b", "set", "sub/c"]);
         assert_eq!(names(&[at("*.ply")], ""), ["b", "one"]);
         assert_eq!(
-            names(&["-".into()], &format!("{0}/b.ply\r\n\n{0}/a.ply.gz\n", root.display())),
+            names(&["-".into()], &format!("\u{feff}{0}/b.ply\r\n\n{0}/a.ply.gz\n", root.display())),
             ["a", "b"]
         );
         assert_eq!(names(&[at("b.ply"), at("b.ply")], ""), ["b"]);

@@ -7,10 +7,15 @@ use crate::report::{self, count, per_triangle};
 use anyhow::{Context, Result, ensure};
 use chpm_extmem::AtomicFile;
 use chpm_mesh::{Bytes, Counted};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+
+/// A path that may be no text, as JSON can have it.
+fn shown<S: Serializer>(path: &Path, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_str(&json::named(path))
+}
 
 const SCHEMA: &str = "chpm-batch/1";
 
@@ -53,8 +58,12 @@ pub(crate) struct Row {
     /// As in `chpm-build/1`
     pub(crate) warnings: Vec<String>,
     /// The source
+    #[serde(serialize_with = "shown")]
+    #[cfg_attr(test, schemars(with = "PathBuf"))]
     pub(crate) source: PathBuf,
     /// The file
+    #[serde(serialize_with = "shown")]
+    #[cfg_attr(test, schemars(with = "PathBuf"))]
     pub(crate) output: PathBuf,
     /// Hash of the source that the output was built from.
     pub(crate) hash: String,

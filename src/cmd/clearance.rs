@@ -2,7 +2,7 @@
 
 use super::Verdict;
 use crate::json::{self, near};
-use crate::number::{AtLeast, AtMost, Units};
+use crate::number::AtMost;
 use crate::output;
 use crate::proximity::{AskArgs, SecondArgs, answer_json, ask_all, read, write_csv};
 use crate::stop::Stop;
@@ -75,12 +75,13 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 
 /// Whether it is clear, where that is known, for programs; and in words.
 fn verdict(answer: &Answer, above: f64) -> (Option<bool>, String) {
-    let (least, most, above_units) = (AtLeast(answer.lower), AtMost(answer.upper), Units(above));
-    if answer.lower > above {
-        (Some(true), format!("clear: {least} units or more apart, above {above_units}"))
-    } else if answer.upper <= above {
-        (Some(false), format!("not clear: {most} units or less apart, not above {above_units}"))
+    let Answer { lower, upper, .. } = *answer;
+    // With all digits: rounded, a bound may be told on the other side of what it is compared with.
+    if lower > above {
+        (Some(true), format!("clear: {lower} units or more apart, above {above}"))
+    } else if upper <= above {
+        (Some(false), format!("not clear: {upper} units or less apart, not above {above}"))
     } else {
-        (None, format!("undecided: from {least} to {most} units apart, and {above_units} asked for"))
+        (None, format!("undecided: from {lower} to {upper} units apart, and {above} asked for"))
     }
 }

@@ -59,6 +59,9 @@ pub(crate) struct Args {
     /// PLY where it says nothing; - for standard output
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Round positions in a glTF to 16 bits an axis, colours to 8 (KHR_mesh_quantization)
+    #[arg(long, requires = "output")]
+    quantize: bool,
     /// Write a histogram as SVG; - for standard output
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
@@ -112,7 +115,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let painted = args
         .output
         .as_deref()
-        .map(|path| Painted::create("compare", path, args.force, &inputs))
+        .map(|path| Painted::create("compare", path, args.quantize, args.force, &inputs))
         .transpose()?;
     let svg = args.svg.as_deref().map(|path| output::COMPARE_SVG.create(path, args.force, &inputs));
     let svg = svg.transpose()?;

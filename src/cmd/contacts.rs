@@ -7,7 +7,7 @@ use crate::json::{self, near};
 use crate::number::{AtLeast, AtMost, Units};
 use crate::output::{self, Output};
 use crate::proximity::{AskArgs, Pair, PathArgs};
-use crate::report::{count, table};
+use crate::report::{coordinate, count, table};
 use crate::stop::{self, Stop};
 use anyhow::{Result, ensure};
 use chpm_build::config::Length;
@@ -230,8 +230,9 @@ fn print(pair: &Pair, found: &Contacts, near: &Near, out: &mut dyn Write) -> Res
         b.path.display()
     )?;
     if !found.regions.is_empty() {
+        let diagonal = pair.diagonal();
         let rows = found.regions.iter().take(LISTED).enumerate().map(|(at, region)| {
-            let [x, y, z] = region.closest_points.points[0].map(|x| Units(x).to_string());
+            let [x, y, z] = region.closest_points.points[0].map(|x| coordinate(x, diagonal));
             let mut row = vec![at.to_string()];
             row.extend([AtLeast(region.lower).to_string(), AtMost(region.upper).to_string()]);
             row.push(Units(region.depth).to_string());

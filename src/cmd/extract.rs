@@ -101,7 +101,11 @@ struct Wanted {
 /// Selects and writes.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let file = open(&args.file)?;
-    let free = memory::divide(&file, args.memory.memory(), args.mesh.memory("extract", &file)?)?;
+    let free = memory::divide(&file, args.memory.memory(), args.mesh.memory("extract", &file)?);
+    // What an order or images take is known only when the mesh is: then a refusal counts that, too, unless the mesh takes long to find.
+    let is_plain = args.mesh.is_streamed() && args.texture_size.is_none();
+    let is_early = is_plain || args.tight || args.effort > 0;
+    let free = if is_early { free? } else { free.unwrap_or(0) };
     reading(&file, || match args.wanted.lods.is_empty() {
         true => take(&file, args, free, stop),
         false => lods::take(&file, args, free, stop),

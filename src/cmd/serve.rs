@@ -179,6 +179,10 @@ async fn answer(State(served): State<Arc<Served>>, mut request: Request) -> Resp
     if path.is_empty() {
         return front(&served);
     }
+    if request.method() == Method::HEAD {
+        // A range is one of what a GET answers with (RFC 9110, 14.2).
+        request.headers_mut().remove(header::RANGE);
+    }
     let query = request.uri().query().map(str::to_owned);
     if path == PAGE
         && let Some(page) = page_as_seen(Arc::clone(&served), query).await

@@ -7,9 +7,9 @@ use crate::output::{self, Output, Promise, Writes};
 use crate::progress::Meter;
 use crate::stop::{self, Stop};
 use crate::upright::Upright;
-use anyhow::{Result, bail};
+use anyhow::{Result, bail, ensure};
 use chpm_build::{BuildConfig, Cancel, Resources};
-use chpm_export::{Container, Extent, Facts, GlbWriter, Level, Placement};
+use chpm_export::{Container, Extent, Facts, GlbWriter, Grid, Level, Placement};
 use chpm_extmem::{MappedFile, WorkDir};
 use chpm_format::Chpm;
 use chpm_import::ply::{Encoding, PlyWriter};
@@ -23,8 +23,8 @@ const COLORED: Attributes = Attributes { colors: true, ..Attributes::NONE };
 /// Where the scan is written, and as what.
 pub(crate) enum Painted {
     Ply(Output),
-    /// With the buffer beside it, if it is JSON.
-    Gltf(Output, Option<Buffer>),
+    /// With the buffer beside it, if it is JSON; and whether positions are rounded.
+    Gltf(Output, Option<Buffer>, bool),
     /// Built from a PLY in a folder beside it.
     Chpm {
         path: PathBuf,
@@ -41,9 +41,20 @@ const SOURCE: &str = "compared.ply";
 
 impl Painted {
     /// Refuses what cannot be written, before the work.
-    pub(crate) fn create(by: &'static str, path: &Path, force: bool, inputs: &[&Path]) -> Result<Self> {
+    pub(crate) fn create(
+        by: &'static str,
+        path: &Path,
+        quantize: bool,
+        force: bool,
+        inputs: &[&Path],
+    ) -> Result<Self> {
         let writes = |format: &'static str| Writes::mesh(by, format);
-        Ok(match output::promised(path) {
+        let promised = output::promised(path);
+        ensure!(
+            !quantize || matches!(promised, Promise::Format("GLB" | "glTF")),
+            "--quantize is for GLB and glTF: choose a name with .glb or .gltf"
+        );
+        Ok(match promised {
             Promise::Nothing | Promise::Format("PLY") => {
                 Painted::Ply(writes("PLY").create(path, force, inputs)?)
             }
@@ -51,7 +62,7 @@ impl Painted {
                 let output = writes(format).create(path, force, inputs)?;
                 let is_json = format == "glTF";
                 let buffer = is_json.then(|| Buffer::create(path, force, inputs)).transpose()?;
-                Painted::Gltf(output, buffer)
+                Painted::Gltf(output, buffer, quantize)
             }
             Promise::Format("CHPM") => {
                 // Opened to see whether it can be.
@@ -69,7 +80,7 @@ impl Painted {
     /// Output, if it is wanted; it may be standard output.
     pub(crate) fn output(&self) -> Option<&Output> {
         match self {
-            Painted::Ply(output) | Painted::Gltf(output, _) => Some(output),
+            Painted::Ply(output) | Painted::Gltf(output, ..) => Some(output),
             Painted::Chpm { .. } => None,
         }
     }
@@ -86,7 +97,7 @@ impl Painted {
         let mesh = Colored { by, file, parts, colors, cancel };
         let finished = match self {
             Painted::Ply(output) => companions::Written::alone(mesh.ply(output)?),
-            Painted::Gltf(output, buffer) => mesh.gltf(container(output, buffer))?,
+            Painted::Gltf(output, buffer, quantize) => mesh.gltf(container(output, buffer), quantize)?,
             Painted::Chpm { path, force, folder } => {
                 let output = Writes::mesh(by, "PLY").create(&folder.path().join(SOURCE), false, &[])?;
                 mesh.ply(output)?.publish()?;
@@ -163,7 +174,7 @@ impl Colored<'_> {
         Ok(ply.finish()?)
     }
 
-    fn gltf(&self, container: Container<Output>) -> Result<companions::Written> {
+    fn gltf(&self, container: Container<Output>, quantize: bool) -> Result<companions::Written> {
         let origin = self.file.header().origin;
         let placement = Placement { origin, turn: Upright::of(self.file, None)?.turn() };
         let range = self.colors.range().to_vec();
@@ -173,7 +184,7 @@ impl Colored<'_> {
             placement,
             levels: vec![Level { extras, coverage: 0.0 }],
             scalars: Vec::new(),
-            grid: None,
+            grid: quantize.then(|| Grid::over(&self.file.header().aabb())),
         };
         let mut bounds = Aabb::EMPTY;
         self.parts.vertices(self.file, |vertices, _| {

@@ -38,7 +38,6 @@ pub(crate) fn read_path(path: &Path) -> Result<Vec<Pose>> {
     let name = path.display();
     let text = read_text(path, MOST.0)
         .with_context(|| format!("cannot read '{name}'; a file of poses is text, one pose a line"))?;
-    let text = text.trim_start_matches('\u{feff}');
     let lines = text.lines().enumerate().map(|(at, line)| (at + 1, line.trim()));
     let lines = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
     let poses: Result<Vec<Pose>> = lines

@@ -46,10 +46,11 @@ impl HitWriter {
         let mut row = [f64::NAN; 10];
         row[0] = f64::from(u8::from(answered.hit.is_some()));
         if let Some(hit) = answered.hit.filter(|_| !self.any) {
-            row[1] = hit.distance;
+            row[1] = hit.distance + 0.0;
             for axis in 0..3 {
-                row[2 + axis] = hit.point[axis] + self.origin[axis];
-                row[5 + axis] = hit.normal[axis];
+                // Zeros without a sign.
+                row[2 + axis] = hit.point[axis] + self.origin[axis] + 0.0;
+                row[5 + axis] = hit.normal[axis] + 0.0;
             }
             row[8] = hit.cluster.0.into();
             row[9] = hit.triangle.into();

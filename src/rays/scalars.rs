@@ -28,6 +28,9 @@ pub(crate) struct ScalarArgs {
     /// it; PLY where it says nothing; - for standard output
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Round positions in a glTF to 16 bits an axis, colours to 8 (KHR_mesh_quantization)
+    #[arg(long, requires = "output")]
+    quantize: bool,
     /// Write a histogram as SVG; - for standard output
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
@@ -110,7 +113,10 @@ impl<'a> Scalars<'a> {
     /// Opens the file, and what is to be written.
     pub(crate) fn open<A: Asked>(args: &'a ScalarArgs, asked: &A, stop: &Stop) -> Result<Self> {
         let inputs = [args.file.as_path()];
-        let painted = args.output.as_deref().map(|path| Painted::create(A::BY, path, args.force, &inputs));
+        let painted = args
+            .output
+            .as_deref()
+            .map(|path| Painted::create(A::BY, path, args.quantize, args.force, &inputs));
         let painted = painted.transpose()?;
         let svg = args.svg.as_deref().map(|path| A::SVG.create(path, args.force, &inputs)).transpose()?;
         let streams = painted.iter().filter_map(Painted::output).chain(&svg);

@@ -2,6 +2,7 @@
 
 use super::{Sheet, trimmed};
 use anyhow::Result;
+use chpm_report::chart::in_xml;
 use chpm_section::{Line, Section};
 use std::fmt::Write as _;
 use std::io::Write;
@@ -25,7 +26,7 @@ pub(crate) struct Svg {
 
 /// Text in an element.
 fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+    in_xml(text).replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
 impl Svg {

@@ -7,6 +7,7 @@ use anyhow::Result;
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, shown};
 use chpm_refine::Portrait;
+use chpm_report::chart::in_xml;
 use script::script;
 use serde_json::{Value, json};
 
@@ -113,7 +114,7 @@ fn first(file: &Chpm<MappedFile>) -> Vec<[u64; 2]> {
 }
 
 fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('"', "&quot;").replace('<', "&lt;")
+    in_xml(text).replace('&', "&amp;").replace('"', "&quot;").replace('<', "&lt;")
 }
 
 /// The text of a file of the page.

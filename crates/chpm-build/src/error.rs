@@ -37,13 +37,23 @@ pub enum BuildError {
         /// The other one, as the command has it.
         setting: &'static str,
     },
+    /// Colours are asked for, and left out.
+    #[error(
+        "--texture {texture} gives vertices colours, and --no-colors leaves them out; leave one of the two out"
+    )]
+    NoColors {
+        /// How images are used, as the command has it.
+        texture: &'static str,
+    },
     /// The source has no triangle that could be built.
-    #[error("{path}: {}: nothing was written", nothing(*faces))]
+    #[error("{path}: {}: nothing was written", nothing(*faces, left_out))]
     Empty {
         /// The source file.
         path: PathBuf,
         /// Faces that the header declares.
         faces: u64,
+        /// Losses of the reader, in words: what it has in place of faces.
+        left_out: Vec<String>,
     },
     /// All components are smaller than was asked for.
     #[error(
@@ -156,12 +166,13 @@ fn all_small(components: u64, least: f64, largest: f64) -> String {
     }
 }
 
-fn nothing(faces: u64) -> String {
-    match faces {
+fn nothing(faces: u64, left_out: &[String]) -> String {
+    let told = match faces {
         0 => "no faces; there is nothing to build from".to_owned(),
         1 => "its one face is no triangle with three different corners".to_owned(),
         _ => format!("none of its {faces} faces is a triangle with three different corners"),
-    }
+    };
+    [told].iter().chain(left_out).map(String::as_str).collect::<Vec<_>>().join("; ")
 }
 
 impl BuildError {

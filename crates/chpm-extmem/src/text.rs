@@ -18,13 +18,20 @@ pub fn read_limited(path: &Path, most: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Reads a text file of `most` bytes or fewer.
+/// Mark of UTF-8.
+const MARK: char = '\u{feff}';
+
+/// Reads a text file of `most` bytes or fewer, without the mark of UTF-8 that some editors put before it.
 ///
 /// # Errors
 /// As [`read_limited`], and [`ErrorKind::InvalidData`] for what is no text.
 pub fn read_text(path: &Path, most: u64) -> Result<String> {
-    String::from_utf8(read_limited(path, most)?)
-        .map_err(|_| Error::new(ErrorKind::InvalidData, "it is no text"))
+    let mut text = String::from_utf8(read_limited(path, most)?)
+        .map_err(|_| Error::new(ErrorKind::InvalidData, "it is no text in UTF-8"))?;
+    if text.starts_with(MARK) {
+        text.drain(..MARK.len_utf8());
+    }
+    Ok(text)
 }
 
 #[cfg(test)]
@@ -42,6 +49,8 @@ mod tests {
         // A file without an end is not read to it.
         let error = read_text(Path::new("/dev/zero"), 2 << 20).unwrap_err();
         assert!(error.to_string().contains("longer than 2.0 MiB"), "{error}");
+        std::fs::write(&path, "\u{feff}a\u{feff}").unwrap();
+        assert_eq!(read_text(&path, 9).unwrap(), "a\u{feff}");
         std::fs::write(&path, [0xff]).unwrap();
         assert_eq!(read_text(&path, 1).unwrap_err().kind(), ErrorKind::InvalidData);
     }

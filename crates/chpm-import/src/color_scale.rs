@@ -11,7 +11,8 @@ pub(crate) struct ColorScale {
 impl ColorScale {
     /// Adds a colour of three channels or, with alpha, four, in eight bits each, behind those that are not handed over yet; white where there are none.
     ///
-    /// A number beyond 1 makes the whole colour one of bytes, and from 2 on all others of whole numbers, too: the darkest would be the brightest otherwise.
+    /// A number from 2 on makes the whole colour one of bytes, and then all others of whole numbers, too: the darkest would be the brightest otherwise. Before that,
+    /// a number that is a little beyond 1 is rounded, and bright.
     pub(crate) fn push(&mut self, numbers: &[f64], colors: &mut Vec<[u8; 4]>) {
         let [r, g, b, rest @ ..] = numbers else { return colors.push([255; 4]) };
         if colors.is_empty() {
@@ -28,7 +29,7 @@ impl ColorScale {
             self.doubtful.push(colors.len());
         }
 
-        let are_bytes = is_whole && self.has_bytes || numbers.iter().any(|x| *x > 1.0);
+        let are_bytes = self.has_bytes && (is_whole || numbers.iter().any(|x| *x > 1.0));
         let scale = if are_bytes { 1.0 } else { 255.0 };
         let alpha = rest.first().map_or(255.0, |alpha| alpha * scale);
         // The cast clamps, and makes NaN zero.
@@ -57,6 +58,7 @@ mod tests {
         for other in [[0.5, 0.0, 0.0], [1.001, 0.0, 0.0]] {
             let found = all(&[&[1.0, 0.0, 1.0], &other, &[1.0, 0.0, 1.0]]);
             assert_eq!([found[0], found[2]], [bright; 2], "{other:?}");
+            assert!(found[1][0] >= 128, "{found:?}");
         }
         assert_eq!(all(&[&[], &[1.0; 3], &[0.0, 0.0, 1.0, 1.0]]), [[255; 4], [255; 4], [0, 0, 255, 255]]);
         assert_eq!(all(&[&[], &[2.0; 3], &[0.5; 3]]), [[255; 4], [2, 2, 2, 255], [128, 128, 128, 255]]);

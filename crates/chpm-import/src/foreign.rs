@@ -21,7 +21,7 @@ const UNPACK: &str = "unpack it and name the mesh in it";
 const NO_MESH: &str = "name a mesh";
 
 /// First bytes of formats, their names, and remedies.
-const MAGICS: [(&[u8], &str, &str); 42] = [
+const MAGICS: [(&[u8], &str, &str); 44] = [
     (b"\x89CHPM", "a .chpm file, which is built already", "look at it with chpm info or chpm view"),
     (b"Kaydara FBX Binary", "an FBX scene", CONVERT),
     (b"; FBX", "an FBX scene as text", CONVERT),
@@ -59,6 +59,8 @@ const MAGICS: [(&[u8], &str, &str); 42] = [
     (b"7z\xbc\xaf\x27\x1c", "a 7-Zip archive", UNPACK),
     (b"Rar!", "a RAR archive", UNPACK),
     (b"\xfd7zXZ\0", "an XZ file", "unpack it, or pack it with gzip or zstd"),
+    (b"\x1f\x8b", "a gzip file, packed once more", "unpack it once"),
+    (b"\x28\xb5\x2f\xfd", "a zstd file, packed once more", "unpack it once"),
     (b"BZh", "a bzip2 file", "unpack it, or pack it with gzip or zstd"),
     (b"\x04\x22\x4d\x18", "an LZ4 file", "unpack it, or pack it with gzip or zstd"),
     (b"version https://git-lfs", "a pointer of Git LFS, not the file itself", "fetch that with git lfs pull"),
@@ -77,6 +79,9 @@ impl Foreign {
         }
         if Format::is_certain(input) {
             return None;
+        }
+        if is_wide(head) {
+            return named("text in UTF-16 or UTF-32", "save it as UTF-8, or as ASCII");
         }
         let start = without_mark(head);
         if let Some((magic, what, remedy)) = MAGICS.iter().find(|(magic, ..)| start.starts_with(magic)) {
@@ -155,6 +160,25 @@ fn of_text(head: &[u8], input: &Start<'_>) -> Option<Foreign> {
     }
 }
 
+/// Whether this is text of two or four bytes a character: by its mark, or since every other byte, or three of four, is zero.
+fn is_wide(head: &[u8]) -> bool {
+    /// Characters that are looked at.
+    const SOME: usize = 32;
+    let is_text = |byte: u8| matches!(byte, b'\t'..=b'\r' | b' '..=b'~');
+    let is = |width: usize, of_text: usize| {
+        let mut characters = head.chunks_exact(width).take(SOME);
+        let is_one = |character: &[u8]| {
+            character
+                .iter()
+                .enumerate()
+                .all(|(at, byte)| if at == of_text { is_text(*byte) } else { *byte == 0 })
+        };
+        head.len() >= 4 * width && characters.all(is_one)
+    };
+    let is_marked = head.starts_with(b"\xff\xfe") || head.starts_with(b"\xfe\xff");
+    is_marked || head.starts_with(b"\0\0\xfe\xff") || is(2, 0) || is(2, 1) || is(4, 0) || is(4, 3)
+}
+
 fn has(head: &[u8], wanted: &[u8]) -> bool {
     head.windows(wanted.len()).any(|bytes| bytes == wanted)
 }
@@ -177,7 +201,12 @@ mod tests {
     #[test]
     fn what_is_not_read_is_named() {
         let tar = [&[b'a'; 257][..], b"ustar\0"].concat();
-        let cases: [(&[u8], Option<&str>, &str); 15] = [
+        let wide = |text: &str| text.encode_utf16().flat_map(u16::to_be_bytes).collect::<Vec<u8>>();
+        let cases: [(&[u8], Option<&str>, &str); 19] = [
+            (b"\x1f\x8b\x08\0", Some("ply"), "a gzip file, packed once more"),
+            (&wide("v 0 0 0\nv 1 0 0\n"), Some("obj"), "text in UTF-16 or UTF-32"),
+            (b"s\0o\0l\0i\0d\0 \0a\0\n\0", Some("stl"), "text in UTF-16 or UTF-32"),
+            (b"\xff\xfe\0\0p\0\0\0l\0\0\0y\0\0\0", Some("ply"), "text in UTF-16 or UTF-32"),
             (b"", Some("stl"), "an empty file"),
             (b" {\"version\": \"2.0\"}", Some("obj"), "JSON"),
             (b"PK\x03\x04....3D/3dmodel.model", None, "a 3MF model"),

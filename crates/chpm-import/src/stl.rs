@@ -33,7 +33,23 @@ pub(crate) fn is_binary(head: &[u8], len: Option<u64>) -> bool {
 }
 
 fn begins_solid(head: &[u8]) -> bool {
-    is_text(head) && words(head).next().is_some_and(|word| word.eq_ignore_ascii_case(b"solid"))
+    let is_solid = words(head).next().is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
+    is_solid && (is_text(head) || is_padded(head))
+}
+
+fn is_padding(byte: &u8) -> bool {
+    matches!(byte, 0 | 0x1a)
+}
+
+/// Whether this is text but for zeros, which some programs fill a name or the end of a file with, or the mark of its end that DOS had. Facets tell it from a binary
+/// header that says `solid`.
+fn is_padded(head: &[u8]) -> bool {
+    let mut lines = head.split(|byte| matches!(byte, b'\n' | b'\r'));
+    let is_facet = |line: &[u8]| {
+        let line = line.trim_ascii_start().get(..5);
+        line.is_some_and(|word| word.eq_ignore_ascii_case(b"facet"))
+    };
+    head.split(is_padding).all(is_text) && lines.any(is_facet)
 }
 
 fn open(opening: Opening<'_>) -> Result<Box<dyn MeshReader>, ImportError> {
@@ -250,7 +266,7 @@ impl<R: Read> StlReader<R> {
                 return Ok(!batch.is_empty());
             }
             // Statements may share a line, and be in any case.
-            let mut words = words(lines.current());
+            let mut words = lines.current().split(is_padding).flat_map(words);
             while let Some(word) = words.next() {
                 let mut word = word.to_owned();
                 word.make_ascii_lowercase();

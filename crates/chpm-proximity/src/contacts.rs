@@ -166,10 +166,11 @@ impl<D: AsRef<[u8]> + Sync, E: AsRef<[u8]> + Sync> ContactSearch<'_, '_, '_, D, 
             open.extend(self.b.top().into_iter().map(|b| (a, b)));
         }
         // Few at first, so that a limit of some pages is not left far behind.
-        let mut upper = 1;
+        let (mut upper, mut told) = (1, Reads::default());
         while let Some((a, b)) = open.pop() {
             let [x, y] = [since(self.a.reads(), before[0]), since(self.b.reads(), before[1])];
-            if !go_on(x.plus(y)) {
+            told = x.plus(y);
+            if !go_on(told) {
                 self.jobs.clear();
                 return Ok(false);
             }
@@ -186,13 +187,14 @@ impl<D: AsRef<[u8]> + Sync, E: AsRef<[u8]> + Sync> ContactSearch<'_, '_, '_, D, 
             } else {
                 self.put(a, b);
                 if self.jobs.len() >= upper {
-                    self.work()?;
+                    if !self.work(&mut || go_on(told))? {
+                        return Ok(false);
+                    }
                     upper = (2 * upper).min(WAITING);
                 }
             }
         }
-        self.work()?;
-        Ok(true)
+        self.work(&mut || go_on(told))
     }
 
     /// Whether the meshes of a group are wrong by more than half of what is allowed, and there are finer ones.
@@ -226,24 +228,37 @@ impl<D: AsRef<[u8]> + Sync, E: AsRef<[u8]> + Sync> ContactSearch<'_, '_, '_, D, 
         }
     }
 
-    /// Compares what waits, by all threads, and takes what they find in the order of waiting.
-    fn work(&mut self) -> Result<(), ProximityError> {
+    /// Compares what waits, by all threads, and takes what they find in the order of waiting. Answers whether it came to the end; what `go_on` is told does not change on
+    /// the way, since how much is read at a time is a matter of the threads.
+    fn work(&mut self, go_on: &mut dyn FnMut() -> bool) -> Result<bool, ProximityError> {
         let jobs = std::mem::take(&mut self.jobs);
         for jobs in jobs.chunks(EACH * self.pool.current_num_threads()) {
             let done: Vec<Result<Compared, ProximityError>> =
                 self.pool.install(|| jobs.par_iter().map(|job| self.compare(job)).collect());
             for (job, done) in jobs.iter().zip(done) {
                 let (p, q, close) = done?;
-                match close {
-                    Some(close) => close.iter().try_for_each(|close| self.take(job, &p, &q, close))?,
-                    None => {
-                        let between = self.between;
-                        each_close(&p, &q, &between, job.reach, &mut |close| self.take(job, &p, &q, &close))?;
-                    }
+                if !go_on() {
+                    return Ok(false);
                 }
+                let Some(close) = close else {
+                    let (between, mut taken) = (self.between, 0_usize);
+                    let mut take = |close: Close| {
+                        taken += 1;
+                        if taken.is_multiple_of(KEPT) && !go_on() {
+                            return Err(None);
+                        }
+                        self.take(job, &p, &q, &close).map_err(Some)
+                    };
+                    match each_close(&p, &q, &between, job.reach, &mut take) {
+                        Err(Some(error)) => return Err(error),
+                        Err(None) => return Ok(false),
+                        Ok(()) => continue,
+                    }
+                };
+                close.iter().try_for_each(|close| self.take(job, &p, &q, close))?;
             }
         }
-        Ok(())
+        Ok(true)
     }
 
     fn compare(&self, job: &Job) -> Result<Compared, ProximityError> {

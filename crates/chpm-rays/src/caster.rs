@@ -27,6 +27,9 @@ pub struct Reads {
     pub triangles: u64,
 }
 
+/// Rays that go on between two questions whether to stop.
+const SOME: usize = 1024;
+
 /// Memory for rays.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Memory {
@@ -143,7 +146,7 @@ impl<'a, D: AsRef<[u8]> + Sync> Caster<'a, D> {
     }
 
     /// Answers rays in their order, on the threads of rayon's current pool: what each meets, or for [`Seek::Within`] how far it gets; infinite where it meets nothing. Whatever the threads
-    /// and the memory, the answers are the same. Asks `go_on` before each page.
+    /// and the memory, the answers are the same. Asks `go_on` before each page, and between some rays.
     ///
     /// # Errors
     /// [`RayError::Format`] for a damaged page, [`RayError::Stopped`].
@@ -196,15 +199,20 @@ impl<'a, D: AsRef<[u8]> + Sync> Caster<'a, D> {
                 State::Waits(key, ..) => meshes[*key as usize].is_some(),
                 State::Done(_) => false,
             };
-            states.par_iter_mut().zip(rays).with_min_len(64).for_each_init(
+            // Many may wait for one page, so that it is not only asked before each.
+            states.par_chunks_mut(SOME).zip(rays.par_chunks(SOME)).try_for_each_init(
                 Vec::<Open>::new,
-                |open, (state, ray)| {
-                    if moved(state) {
+                |open, (states, rays)| {
+                    if states.iter().any(moved) && !go_on() {
+                        return Err(RayError::Stopped);
+                    }
+                    for (state, ray) in states.iter_mut().zip(rays).filter(|(state, _)| moved(state)) {
                         let before = std::mem::replace(state, State::Begins);
                         *state = walk.go(ray, before, open);
                     }
+                    Ok(())
                 },
-            );
+            )?;
 
             let mut wanted: Vec<MeshKey> = states
                 .iter()

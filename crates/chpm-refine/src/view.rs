@@ -54,7 +54,8 @@ impl Camera {
 
     /// A camera that looks along `sight` at a point, from a distance of one unit.
     pub(crate) fn whole(target: Point3<f64>, sight: Vector3<f64>, up: Vector3<f64>, fov: f64) -> Self {
-        let position = (target - sight).into();
+        // Far from zero, a step of length one is lost, and there is no direction left.
+        let position = (target - sight * (1e-9 * target.coords.amax()).max(1.0)).into();
         Camera { position, target: target.into(), up: up.into(), fov, near: 0.0 }
     }
 

@@ -441,7 +441,16 @@ fn drawn(
             c => escaped.push(c),
         }
     }
-    Ok(text.replacen("<svg ", &format!("<svg role=\"img\" aria-label=\"{escaped}\" "), 1))
+    Ok(in_xml(&text.replacen("<svg ", &format!("<svg role=\"img\" aria-label=\"{escaped}\" "), 1)))
+}
+
+/// A text with U+FFFD in place of what XML and HTML have no room for, as the control characters that names of files may have.
+pub fn in_xml(text: &str) -> String {
+    let is_foreign = |c: char| match c {
+        '\t' | '\n' | '\r' => false,
+        c => c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}'),
+    };
+    text.replace(is_foreign, "\u{fffd}")
 }
 
 fn drawing_error(error: impl std::fmt::Display) -> ReportError {

@@ -97,6 +97,8 @@ class Mesh:
 
 
 def _rows(name: str, given: ArrayLike, widths: tuple[int, ...], kinds: str, expected: str) -> NDArray[Any]:
+    if np.ma.is_masked(given):
+        raise ValueError(f"{name}: an array without masked values expected; leave their rows out")
     array = np.asarray(given)
     if array.ndim != 2 or array.shape[1] not in widths:
         shape = " or ".join(f"(n, {width})" for width in widths)

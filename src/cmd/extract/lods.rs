@@ -56,7 +56,11 @@ pub(super) fn take(file: &Chpm<MappedFile>, args: &Args, free: u64, stop: &Stop)
         memory::divide(file, args.memory.memory(), own + bytes)?;
         Ok(())
     };
-    room(0)?;
+    let images = args.texture_size.map_or(0, |side| {
+        let each = meshes.iter().map(|mesh| mesh_file::textured_memory(file, side, mesh.triangle_count()));
+        each.max().unwrap_or(0)
+    });
+    room(images)?;
 
     let all: Vec<&Extraction<'_, MappedFile>> = meshes.iter().collect();
     let of_target: Vec<&[&Extraction<'_, MappedFile>]> =

@@ -107,13 +107,16 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
         false => polygons.cut(&context.cancel, places(&vertices.positions), &mut take)?,
     };
     if triangles.is_empty() {
-        return Err(BuildError::Empty { path: supply.path.clone(), faces: read.face_count });
+        // So far from zero, corners that differ may have become one.
+        refuse_far(&far.finish_column()?, |_| true, supply, &read, context)?;
+        let path = supply.path.clone();
+        return Err(BuildError::Empty { path, faces: read.face_count, left_out: read.warnings });
     }
     let triangles = triangles.finish_column()?;
 
     // Only now is it known which vertices faces use; the others may lie anywhere.
     used.complete(&triangles, count, context)?;
-    refuse_far(&far.finish_column()?, &used, supply, &read, context)?;
+    refuse_far(&far.finish_column()?, |vertex| used.contains(vertex), supply, &read, context)?;
 
     let (corner_normals, of_normals) = match corner_normals {
         Some(normals) => normals.join(count, &context.store, &context.cancel)?,
@@ -232,17 +235,16 @@ struct Columns {
     bounds: Aabb,
 }
 
-/// Refuses vertices that are too far from zero for all that follows, if a face uses one.
+/// Refuses vertices that are too far from zero for all that follows, if one of them matters.
 fn refuse_far(
     far: &Column<Far>,
-    used: &Used,
+    matters: impl Fn(usize) -> bool,
     supply: &Supply,
     read: &SourceInfo,
     context: &Context<'_>,
 ) -> Result<(), BuildError> {
     local::each(far, context, |_, places| {
-        let Some(&[vertex, offset, line, value]) = places.iter().find(|far| used.contains(far[0] as usize))
-        else {
+        let Some(&[vertex, offset, line, value]) = places.iter().find(|far| matters(far[0] as usize)) else {
             return Ok(());
         };
 

@@ -104,8 +104,11 @@ fn stored(plan: &Plan, texels: &[[u8; 4]]) -> Result<(SheetRecord, Vec<u8>), Bui
     Ok((SheetRecord { checksum: checksum(&bytes), ..record }, bytes))
 }
 
-/// Refuses settings that sheets do not go with yet.
+/// Refuses settings that images do not go with, and those that sheets do not go with yet.
 pub(crate) fn check(settings: &Settings) -> Result<(), BuildError> {
+    if !settings.colors && matches!(settings.texture, Texture::Vertices | Texture::Sheets) {
+        return Err(BuildError::NoColors { texture: settings.of_images()[1] });
+    }
     match settings.without_sheets().filter(|_| settings.texture == Texture::Sheets) {
         Some(setting) => Err(BuildError::NoSheets { setting }),
         None => Ok(()),

@@ -82,6 +82,7 @@ pub fn plan(
         Texture::Found => Settings { texture: Texture::FoundForVertices, ..settings.clone() },
         _ => settings.clone(),
     };
+    crate::sheets::check(settings)?;
     let failed = |error| ExtmemError::io("make the folder", folder, 0, error);
     std::fs::create_dir_all(folder).map_err(failed)?;
     let clock = Timer::start();

@@ -54,6 +54,19 @@ pub(super) struct Node {
 pub(super) struct NodeExtensions {
     #[serde(rename = "EXT_mesh_gpu_instancing")]
     pub(super) instancing: Option<Present>,
+    #[serde(rename = "KHR_node_visibility")]
+    pub(super) visibility: Option<Visibility>,
+}
+
+/// Whether a node, with all below it, is shown.
+#[derive(Deserialize, Clone, Copy)]
+pub(super) struct Visibility {
+    #[serde(default = "shown")]
+    pub(super) visible: bool,
+}
+
+fn shown() -> bool {
+    true
 }
 
 /// An object that is there, whatever it holds.
@@ -225,7 +238,7 @@ pub(super) struct Buffer {
 }
 
 /// Extensions whose geometry is read, and beginnings of names of those that have none.
-const READ: [&str; 2] = ["KHR_mesh_quantization", "EXT_meshopt_compression"];
+const READ: [&str; 3] = ["KHR_mesh_quantization", "EXT_meshopt_compression", "KHR_node_visibility"];
 const WITHOUT_GEOMETRY: [&str; 13] = [
     "KHR_materials_",
     "KHR_texture_",

@@ -145,7 +145,7 @@ pub(super) fn instances(document: &Document) -> Result<(Vec<Instance>, Vec<Strin
     };
 
     let (mut instances, mut seen) = (Vec::new(), vec![false; nodes.len()]);
-    let (mut skinned, mut instanced) = (0, 0);
+    let (mut skinned, mut instanced, mut hidden) = (0, 0, 0);
     // A stack, since nodes may be nested as deep as the file likes.
     let mut stack: Vec<(u32, Placement)> =
         roots.iter().rev().map(|root| (*root, Placement::IDENTITY)).collect();
@@ -153,6 +153,10 @@ pub(super) fn instances(document: &Document) -> Result<(Vec<Instance>, Vec<Strin
         let node = entry(nodes, number, "node")?;
         if std::mem::replace(&mut seen[number as usize], true) {
             return Err(refused(format!("node {number} is below itself, or below two nodes")));
+        }
+        if node.extensions.visibility.is_some_and(|visibility| !visibility.visible) {
+            hidden += 1;
+            continue;
         }
         let own = Placement::of(node);
         let own = own.ok_or_else(|| {
@@ -164,8 +168,14 @@ pub(super) fn instances(document: &Document) -> Result<(Vec<Instance>, Vec<Strin
         instanced += u64::from(node.extensions.instancing.is_some());
         stack.extend(node.children.iter().rev().map(|child| (*child, placement)));
     }
+    if instances.is_empty() && hidden > 0 {
+        return Err(refused(
+            "all of its meshes are hidden (KHR_node_visibility): show one, and save it again",
+        ));
+    }
     let mut warn = |count: u64, text: String| warnings.extend((count > 0).then_some(text));
     warn(skinned, format!("read {skinned} nodes with skins as they are before any bone moves"));
     warn(instanced, format!("read {instanced} nodes of EXT_mesh_gpu_instancing once each"));
+    warn(hidden, format!("left out {hidden} hidden nodes, with all below them (KHR_node_visibility)"));
     Ok((instances, warnings))
 }

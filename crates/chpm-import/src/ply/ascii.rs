@@ -43,9 +43,7 @@ impl<R: Read> Source<R> {
         if !self.skip_space()? || self.line > self.word_line {
             return Ok(());
         }
-        let expected = "the line to end here, as the header declares no more values";
-        let got = excerpt(self.token()?);
-        Err(Fault::Number { expected, got })
+        Err(Fault::LineGoesOn(excerpt(self.token()?)))
     }
 
     /// The next word.

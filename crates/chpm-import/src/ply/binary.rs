@@ -109,6 +109,23 @@ pub(super) fn colors<const BIG: bool>(
     }));
 }
 
+/// How many colours have a real channel that is clearly beyond 0 to 1.
+pub(super) fn clamped<const BIG: bool>(records: &[u8], stride: usize, fields: &[Field; 3]) -> u64 {
+    let reals: Vec<&Field> = fields.iter().filter(|field| !field.ty.is_integer()).collect();
+    if reals.is_empty() {
+        return 0;
+    }
+    let is = |record: &&[u8]| {
+        reals.iter().any(|field| is_clamped(load::<BIG>(&record[field.offset..], field.ty), field.ty))
+    };
+    records.chunks_exact(stride).filter(is).count() as u64
+}
+
+/// Whether a channel is clearly beyond what its type goes to: what is only rounded is no news.
+pub(super) fn is_clamped(value: f64, ty: ScalarType) -> bool {
+    !ty.is_integer() && !(-0.01..=1.01).contains(&value)
+}
+
 /// A colour channel in eight bits. Reals run from 0 to 1, `ushort` from 0 to 65535, and all other types from 0 to 255.
 pub(super) fn channel(value: f64, ty: ScalarType) -> u8 {
     let scaled = match ty {

@@ -250,10 +250,18 @@ pub enum PlyError {
 pub(super) enum Fault {
     Io(io::Error),
     End,
-    Number { expected: &'static str, got: String },
+    Number {
+        expected: &'static str,
+        got: String,
+    },
+    /// The element before this one has more values than are declared.
+    LineGoesOn(String),
     NegativeCount(i64),
     TooManyCorners(u64),
-    NotFinite { property: String, value: f64 },
+    NotFinite {
+        property: String,
+        value: f64,
+    },
     Index(i64),
 }
 

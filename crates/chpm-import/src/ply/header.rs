@@ -5,6 +5,7 @@ use super::{
     source::{BLOCK, Source},
 };
 use crate::batch::MAX_VERTICES;
+use crate::format::MARK;
 use crate::location::excerpt;
 use std::{fmt, io::Read};
 
@@ -326,7 +327,10 @@ fn magic<R: Read>(source: &mut Source<R>) -> Result<u8, PlyError> {
     fn read(offset: u64, source: std::io::Error) -> PlyError {
         PlyError::Read { offset, source }
     }
-    source.need(5).map_err(|error| read(0, error))?;
+    source.need(MARK.len() + 5).map_err(|error| read(0, error))?;
+    if source.bytes().starts_with(MARK) {
+        source.consume(MARK.len());
+    }
     let (end_of_line, length) = match source.bytes() {
         [b'p', b'l', b'y', b'\r', b'\n', ..] => (b'\n', 5),
         [b'p', b'l', b'y', b'\r', ..] => (b'\r', 4),

@@ -4,7 +4,7 @@ use super::PlyReader;
 use super::texture::{self, Texture};
 use crate::batch::{Batch, BatchKind};
 use crate::error::ImportError;
-use crate::format::{Format, Likeness};
+use crate::format::{Format, Likeness, without_mark};
 use crate::reader::{MeshReader, Opening, SourceInfo, Start};
 use crate::steps::Steps;
 use crate::stream::Stream;
@@ -23,7 +23,7 @@ pub(crate) const FORMAT: Format = Format {
 };
 
 fn sniff(start: &Start<'_>) -> Likeness {
-    let is_ply = match start.head {
+    let is_ply = match without_mark(start.head) {
         b"ply" => true,
         head => head.starts_with(b"ply") && matches!(head[3], b'\n' | b'\r' | b' '),
     };

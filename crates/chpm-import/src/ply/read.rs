@@ -52,6 +52,8 @@ pub(super) struct Body<R> {
     /// Vertices that are not finite.
     pub(super) invalid: VertexSet,
     pub(super) tally: Tally,
+    /// Vertices whose colours are real numbers beyond 0 to 1.
+    pub(super) clamped: u64,
     /// Texture coordinates of the last vertices, where they are asked for.
     pub(super) coordinates: Vec<[f32; 2]>,
     /// How faces name images, where they do.
@@ -77,6 +79,7 @@ impl<R: Read> PlyReader<R> {
             grid: Grid::default(),
             invalid: VertexSet::default(),
             tally: Tally::default(),
+            clamped: 0,
             coordinates: Vec::new(),
             wedges: None,
         };
@@ -179,6 +182,13 @@ impl<R: Read> PlyReader<R> {
                 }
                 Ok(()) => {}
                 Err(Fault::End) if self.body.invalid_data == Invalid::Drop => self.end_early(),
+                Err(Fault::LineGoesOn(got)) if self.body.index == 0 => {
+                    // The line is that of the last element of those before.
+                    let before = self.header.elements[..self.element].iter().rev().find(|it| it.count > 0);
+                    let element = before.unwrap_or(element);
+                    self.body.index = element.count;
+                    return Err(self.body.locate(element, Fault::LineGoesOn(got)));
+                }
                 Err(fault) => return Err(self.body.locate(element, fault)),
             }
 
@@ -198,7 +208,7 @@ impl<R: Read> PlyReader<R> {
 
     /// The body is whole; looks whether something comes after it.
     fn end(&mut self) -> Result<(), PlyError> {
-        self.warn_of_normals();
+        self.warn_of_attributes();
         let source = &mut self.body.source;
         let trailing = match source.encoding {
             Encoding::Ascii => source.skip_space(),
@@ -226,14 +236,18 @@ impl<R: Read> PlyReader<R> {
             }
             read = 0;
         }
-        self.warn_of_normals();
+        self.warn_of_attributes();
         self.state = State::Ended;
     }
 
-    fn warn_of_normals(&mut self) {
+    fn warn_of_attributes(&mut self) {
         let count = self.body.tally.zeroed_normals;
         if count > 0 {
             self.schema.warnings.push(Warning::NormalsZeroed { count });
+        }
+        let count = self.body.clamped;
+        if count > 0 {
+            self.schema.warnings.push(Warning::ColorsClamped { count });
         }
     }
 }
@@ -277,6 +291,11 @@ impl<R: Read> Body<R> {
         match fault {
             Fault::Io(source) => PlyError::Read { offset, source },
             Fault::End => PlyError::Truncated { place, read: self.index, count: element.count },
+            Fault::LineGoesOn(got) => {
+                let place = SourceLocation { index: self.index.saturating_sub(1), ..place };
+                let expected = "the line to end here, as the header declares no more values";
+                PlyError::Number { place, expected, got }
+            }
             Fault::Number { expected, got } => PlyError::Number { place, expected, got },
             Fault::NegativeCount(count) => PlyError::NegativeCount { place, count },
             Fault::TooManyCorners(count) => PlyError::TooManyCorners { place, count, limit: MAX_CORNERS },

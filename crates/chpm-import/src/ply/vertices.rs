@@ -75,6 +75,7 @@ impl<R: Read> Body<R> {
         }
         if let Some(fields) = &plan.color {
             binary::colors::<BIG>(records, stride, fields, plan.alpha, &mut batch.vertices.colors);
+            self.clamped += binary::clamped::<BIG>(records, stride, fields);
         }
         plan.scalars.read_records::<BIG>(records, stride, &mut batch.vertices.scalars);
         if let Some(fields) = &plan.texture {
@@ -144,6 +145,7 @@ impl<R: Read> Body<R> {
         let mut color = [0, 0, 0, 255];
         let mut uv = [0.0; 2];
         let mut valid = true;
+        let mut is_clamped = false;
         let is_text = self.source.encoding == Encoding::Ascii;
         // The words of this vertex are filled in the order in which its numbers come.
         let words = batch.vertices.scalars.len();
@@ -183,7 +185,10 @@ impl<R: Read> Body<R> {
                 }
                 Slot::Position(_) => valid = false,
                 Slot::Normal(axis) => normal[axis] = value as f32,
-                Slot::Color(channel) => color[channel] = binary::channel(value, ty),
+                Slot::Color(channel) => {
+                    color[channel] = binary::channel(value, ty);
+                    is_clamped |= channel < 3 && binary::is_clamped(value, ty);
+                }
                 Slot::Texture(axis) => uv[axis] = value as f32,
             }
         }
@@ -208,6 +213,7 @@ impl<R: Read> Body<R> {
         }
         if format.attributes.colors {
             batch.vertices.colors.push(color);
+            self.clamped += u64::from(is_clamped);
         }
         if plan.texture.is_some() {
             self.coordinates.push(uv);

@@ -51,6 +51,11 @@ pub enum Warning {
         /// How many.
         count: u64,
     },
+    /// Colours of real numbers were beyond 0 to 1.
+    ColorsClamped {
+        /// Of how many vertices.
+        count: u64,
+    },
     /// There is data after the last element; it was not read.
     TrailingData {
         /// Offset in bytes at which it begins.
@@ -80,6 +85,10 @@ impl fmt::Display for Warning {
             Warning::ColorsQuantised { from } => write!(f, "quantised colours from {from} to uchar"),
             Warning::NormalsZeroed { count } => {
                 write!(f, "replaced by zero {} without finite numbers", Counted(*count, "normal"))
+            }
+            Warning::ColorsClamped { count } => {
+                let vertices = Counted(*count, "vertex");
+                write!(f, "clamped colours of {vertices} to 0 to 1; if they go to 255, save them as uchar")
             }
             Warning::TrailingData { offset } => {
                 write!(f, "ignored data after the last element, from byte {offset} on")

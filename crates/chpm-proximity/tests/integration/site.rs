@@ -15,25 +15,35 @@ pub(crate) struct Built {
     pub(crate) file: Chpm<Vec<u8>>,
 }
 
+/// Settings with small clusters, so that small models have several.
+fn small(settings: &Settings) -> Settings {
+    Settings { cluster_triangles: 32, cell_vertices: 4, ..settings.clone() }
+}
+
 impl Built {
     pub(crate) fn new(name: &str, mesh: TriMesh, offset: [f64; 3], packed: bool) -> Self {
         let moved = mesh.positions.iter().map(|p| [0, 1, 2].map(|axis| f64::from(p[axis]) + offset[axis]));
         let doubles: Option<Vec<[f64; 3]>> = (offset != [0.0; 3]).then(|| moved.collect());
-        let settings = Settings { packed, ..Settings::default() };
-        Built { offset, ..Built::of(name, mesh, doubles.as_deref(), &settings) }
+        let settings = small(&Settings { packed, ..Settings::default() });
+        Built { offset, ..Built::of(name, mesh, doubles.as_deref(), settings) }
     }
 
     /// With other positions than the mesh's.
     pub(crate) fn of_doubles(name: &str, mesh: TriMesh, positions: &[[f64; 3]]) -> Self {
-        Built::of(name, mesh, Some(positions), &Settings::default())
+        Built::of(name, mesh, Some(positions), small(&Settings::default()))
+    }
+
+    /// With clusters of the usual size.
+    pub(crate) fn in_large_clusters(name: &str, mesh: TriMesh) -> Self {
+        Built::of(name, mesh, None, Settings::default())
     }
 
     /// By other settings, with clusters that are as small as those of all models here.
     pub(crate) fn with(name: &str, mesh: TriMesh, settings: &Settings) -> Self {
-        Built::of(name, mesh, None, settings)
+        Built::of(name, mesh, None, small(settings))
     }
 
-    fn of(name: &str, mesh: TriMesh, doubles: Option<&[[f64; 3]]>, settings: &Settings) -> Self {
+    fn of(name: &str, mesh: TriMesh, doubles: Option<&[[f64; 3]]>, settings: Settings) -> Self {
         let dir = tempfile::tempdir().unwrap();
         let (source, output) = (dir.path().join("mesh.ply"), dir.path().join("mesh.chpm"));
         let (vertices, triangles) = (mesh.positions.len() as u64, mesh.triangles.len() as u64);
@@ -54,7 +64,7 @@ impl Built {
         ply.triangles(&mesh.triangles).unwrap();
         ply.finish().unwrap();
         let config = BuildConfig {
-            settings: Settings { cluster_triangles: 32, cell_vertices: 4, ..settings.clone() },
+            settings,
             resources: Resources { threads: 1, memory: Bytes::mib(256), ..Resources::default() },
             overwrite: false,
         };

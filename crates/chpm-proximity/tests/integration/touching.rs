@@ -182,3 +182,24 @@ fn a_source_that_does_not_meet_itself_is_not_found_to() {
     let expected = brute_crossings(&mesh);
     assert_eq!(self_crossings(&Built::new("far", mesh, case.offset, false), 1 << 20).len(), expected);
 }
+
+/// Two clusters may have any number of near triangles.
+#[test]
+fn near_triangles_of_two_clusters_are_stopped_among() {
+    let built = Built::in_large_clusters("sphere", Synth::new(Shape::Sphere, 600, 0).to_mesh());
+    let near = Near { within: built.diagonal(), error: 0.0, limit: 1 << 20 };
+    let run = |asks: u64| {
+        let [x, y] = [0; 2].map(|_| Model::new(&built.file, Bytes(1 << 20)).unwrap());
+        let mut asked = 0;
+        let mut go_on = |_| {
+            asked += 1;
+            asked <= asks
+        };
+        let found = contacts(&x, &y, [&Pose::IDENTITY; 2], &near, &pool(), &mut go_on).unwrap();
+        (found, asked)
+    };
+    let (whole, asked) = run(u64::MAX);
+    assert!(whole.complete && whole.pairs > 200_000, "{}", whole.pairs);
+    let (part, _) = run(asked - 1);
+    assert!(!part.complete && (1..whole.pairs).contains(&part.pairs), "{} of {}", part.pairs, whole.pairs);
+}

@@ -4,6 +4,7 @@ use super::scene::{ROOM, built, cast_in, mesh_within, rays_at};
 use chpm_mesh::Bytes;
 use chpm_rays::{Bound, Memory, Seek};
 use chpm_synth::{Shape, Synth};
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 #[test]
 fn neither_threads_nor_memory_show() {
@@ -43,4 +44,22 @@ fn a_damaged_page_is_an_error() {
     let stopped =
         chpm_rays::Caster::new(&file, ROOM).cast(&rays, &Bound::LEAVES, Seek::Any, &|| false, |_, _| {});
     assert!(matches!(stopped, Err(chpm_rays::RayError::Stopped)));
+}
+
+/// Also where all rays are in one page, or in none.
+#[test]
+fn many_rays_in_few_pages_are_stopped() {
+    let file = built(&Synth::new(Shape::Sphere, 3000, 3).to_mesh());
+    let rays = rays_at(&mesh_within(&file, -1.0), 40_000, 5);
+    let cast = |asks: u64| {
+        let asked = AtomicU64::new(0);
+        let mut caster = chpm_rays::Caster::new(&file, ROOM);
+        let go_on = || asked.fetch_add(1, Relaxed) < asks;
+        let end = caster.cast(&rays, &Bound::LEAVES, Seek::Nearest, &go_on, |_, _| {});
+        (end, caster.reads().pages)
+    };
+    let (end, pages) = cast(u64::MAX);
+    assert!(end.is_ok());
+    let (end, _) = cast(2 * pages);
+    assert!(matches!(end, Err(chpm_rays::RayError::Stopped)), "{end:?}");
 }

@@ -40,6 +40,11 @@ pub struct Outline {
     left_out: f64,
 }
 
+/// The least way from a camera to a point: far from zero, less is lost beside the coordinates, and the camera looks nowhere.
+fn least_way(point: &Point3<f64>) -> f64 {
+    1e-9 * point.coords.amax()
+}
+
 /// Triangles of an outline, at most, where the file has a level that coarse.
 const TRIANGLES: u64 = 40_000;
 
@@ -160,8 +165,7 @@ impl Outline {
 
         // Never among the points, and not at the one point that there may be.
         let size = [x.0 + x.1, y.0 + y.1, far - near].into_iter().fold(0.0, f64::max);
-        // Far from zero, less than that is lost beside the coordinates.
-        let size = if size > 0.0 { size.max(1e-9 * center.coords.amax()) } else { 1.0 };
+        let size = if size > 0.0 { size } else { 1.0 }.max(least_way(&center));
         let away = x.2.max(y.2).max(0.1 * size - near);
         let middle = |(high, low, _): (f64, f64, f64), slopes: [f64; 2]| {
             0.5 * (high - low - away * (slopes[0] + slopes[1]))
@@ -214,7 +218,7 @@ impl Outline {
         });
         let cameras: Vec<Camera> = sights.map(|sight| Camera::whole(center, sight, up, fov)).collect();
         let away = cameras.iter().map(|camera| self.away(bounds, camera, window)).fold(0.0, f64::max);
-        let away = if away > 0.0 { away } else { 1.0 };
+        let away = if away > 0.0 { away } else { 1.0 }.max(least_way(&center));
         cameras
             .into_iter()
             .map(|camera| {
@@ -244,6 +248,22 @@ mod tests {
             extent = [extent[0].min(x), extent[1].max(x), extent[2].min(y), extent[3].max(y)];
         }
         extent
+    }
+
+    /// However small a model is beside how far it is, cameras look at something.
+    #[test]
+    fn cameras_are_apart_from_what_they_look_at() {
+        let far = [[1e20, 0.0, 0.0], [1e20, 1e-20, 0.0], [1e20, 0.0, 1e-20]];
+        for points in [far, [[1e20; 3]; 3]] {
+            let outline = Outline::of_mesh(&points, &[[0, 1, 2]]);
+            let (bounds, window) = (Aabb::of_points(&points), Window::of_image(1.0, 45.0));
+            let (sight, up) = (Vector3::new(-1.0, 0.0, 0.0), Vector3::y());
+            let turned = outline.turn(&bounds, sight, up, 45.0, window, 4);
+            for camera in turned.into_iter().chain([outline.fit(&bounds, sight, up, 45.0, window)]) {
+                assert!(camera.axes().iter().flatten().all(|x| x.is_finite()), "{camera:?}");
+                assert_ne!(camera.position, camera.target);
+            }
+        }
     }
 
     /// Whatever the shape and the direction, the model touches the window from within, in its middle.

@@ -1,6 +1,7 @@
 //! The page of many models.
 
 use super::STYLE;
+use crate::chart::in_xml;
 use crate::error::ReportError;
 use askama::Template;
 
@@ -37,5 +38,5 @@ struct Page<'a> {
 /// [`ReportError::Page`].
 pub fn index(title: &str, mut cards: Vec<Card<'_>>) -> Result<String, ReportError> {
     cards.sort_by_key(|card| (card.error.is_none(), card.picture.is_some(), card.name));
-    Ok(Page { style: STYLE, title, cards }.render()?)
+    Ok(in_xml(&Page { style: STYLE, title, cards }.render()?))
 }

@@ -1,6 +1,7 @@
 //! The page of a comparison: whether it passes, a picture in the colours of distances, a histogram, numbers.
 
 use super::STYLE;
+use crate::chart::in_xml;
 use crate::error::ReportError;
 use askama::Template;
 
@@ -64,6 +65,6 @@ impl Compared<'_> {
             numbers: &self.numbers,
             why: &self.why,
         };
-        Ok(page.render()?)
+        Ok(in_xml(&page.render()?))
     }
 }

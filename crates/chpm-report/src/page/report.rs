@@ -3,6 +3,7 @@
 use super::seen::{self, Seen, Shows};
 use super::{STYLE, plots, tree};
 use crate::Short;
+use crate::chart::in_xml;
 use crate::colors::Colors;
 use crate::digest;
 use crate::error::ReportError;
@@ -142,7 +143,7 @@ pub fn html(
         settings: metadata.settings,
         warnings: metadata.warnings,
     };
-    Ok(page.render()?)
+    Ok(in_xml(&page.render()?))
 }
 
 /// Clusters of a model that is as fine everywhere, levels and errors of one that is seen from the right.
