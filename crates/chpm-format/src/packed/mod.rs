@@ -5,14 +5,17 @@
 
 mod around;
 mod bits;
+mod chained;
 mod connect;
 mod follow;
 mod pack;
+mod streams;
 mod unpack;
 mod view;
 
 use crate::error::{FilePart, FormatError, invalid};
 pub use crate::page::PARTS;
+pub use chained::{CHAINED_MAGIC, Chained, chain, chained_sizes, parent_place, unchain};
 use crate::page::{PAGE_HEADER_LEN, Page, PageHeader};
 use chpm_mesh::{Attributes, ClusterId};
 use pack::Packer;
