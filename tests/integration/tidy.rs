@@ -83,6 +83,7 @@ const LAYERS: [&str; 27] = [
     "trim",
     "sheets",
     "layout",
+    "chain",
     "emit",
     "checkpoint",
     "pipeline",
