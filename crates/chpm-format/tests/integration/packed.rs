@@ -206,7 +206,7 @@ fn least_first([a, b, c]: [u16; 3]) -> [u16; 3] {
 }
 
 /// Any page that a reader takes: triangles over a strip, or of any three vertices.
-fn any_page() -> impl Strategy<Value = Vec<u8>> {
+pub(crate) fn any_page() -> impl Strategy<Value = Vec<u8>> {
     let triangles = proptest::collection::vec((any::<[u16; 3]>(), any::<bool>()), 0..700);
     (coordinate(), triangles, any::<u64>(), 0..6usize).prop_map(|(numbers, triangles, seed, attributes)| {
         let positions: Vec<[f32; 3]> = numbers.as_chunks().0.to_vec();
@@ -306,7 +306,7 @@ fn goods() -> Vec<(Vec<u8>, usize)> {
 }
 
 /// The symbols of a packed page, which zstd hides from whoever only changes bytes.
-fn symbols(packed: &[u8]) -> (usize, Vec<u8>) {
+pub(crate) fn symbols(packed: &[u8]) -> (usize, Vec<u8>) {
     let len = |at: usize| u32::from_le_bytes(packed[at..at + 4].try_into().unwrap()) as usize;
     let frame = 48 + len(40) + len(44);
     (frame, zstd::decode_all(&packed[frame..]).unwrap())
