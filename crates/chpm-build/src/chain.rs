@@ -33,7 +33,8 @@ pub fn chain<E: From<BuildError>>(
     mut end: u64,
     check: impl Fn() -> Result<(), E>,
 ) -> Result<Vec<u64>, E> {
-    let raw: Vec<Place> = places.iter().zip(&tables.clusters).map(|(at, c)| (*at, c.page_len as usize)).collect();
+    let raw: Vec<Place> =
+        places.iter().zip(&tables.clusters).map(|(at, c)| (*at, c.page_len as usize)).collect();
     let above = above(tables);
     tables.remnants.sort_by_key(|remnant| remnant.cluster);
     let levels = tables.clusters.iter().map(|cluster| cluster.level);
@@ -132,6 +133,7 @@ fn read(out: &AtomicFile, (at, len): Place) -> Result<Vec<u32>, BuildError> {
 fn renumber(remnants: &mut [Remnant], cluster: u32, vertices: &[u16]) {
     let first = remnants.partition_point(|remnant| remnant.cluster < cluster);
     for remnant in remnants[first..].iter_mut().take_while(|remnant| remnant.cluster == cluster) {
-        remnant.corners = remnant.corners.map(|corner| vertices.get(usize::from(corner)).copied().unwrap_or(corner));
+        remnant.corners =
+            remnant.corners.map(|corner| vertices.get(usize::from(corner)).copied().unwrap_or(corner));
     }
 }

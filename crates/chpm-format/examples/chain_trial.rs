@@ -75,18 +75,58 @@ fn main() -> Result<(), Box<dyn Error>> {
                     let twice = packed::chain(&found.raw, &parent, place, &mut again)?.ok_or("twice")?;
                     if !(again == out && twice.raw == found.raw) {
                         let at = |a: &[u8], b: &[u8]| a.iter().zip(b).position(|(a, b)| a != b);
-                        println!("{id:?} {} {} {:?} {:?} vertices {:?}", again.len(), out.len(), at(&again, &out), at(&twice.raw, &found.raw),
-                            twice.vertices.iter().enumerate().filter(|(i, v)| *i != usize::from(**v)).take(5).collect::<Vec<_>>());
+                        println!(
+                            "{id:?} {} {} {:?} {:?} vertices {:?}",
+                            again.len(),
+                            out.len(),
+                            at(&again, &out),
+                            at(&twice.raw, &found.raw),
+                            twice
+                                .vertices
+                                .iter()
+                                .enumerate()
+                                .filter(|(i, v)| *i != usize::from(**v))
+                                .take(5)
+                                .collect::<Vec<_>>()
+                        );
                         let (a, b) = (Page::view(&twice.raw)?, Page::view(&found.raw)?);
-                        println!("{:?} V {} B {}", a.triangles.iter().zip(b.triangles).enumerate().filter(|(_, (a, b))| a != b).take(6).collect::<Vec<_>>(), a.vertex_count(), a.base_vertex_count);
+                        println!(
+                            "{:?} V {} B {}",
+                            a.triangles
+                                .iter()
+                                .zip(b.triangles)
+                                .enumerate()
+                                .filter(|(_, (a, b))| a != b)
+                                .take(6)
+                                .collect::<Vec<_>>(),
+                            a.vertex_count(),
+                            a.base_vertex_count
+                        );
                         return Err("differs".into());
                     }
-                    let (old, new) = (Page::view(raw)?, Page::parse(&bytemuck::cast_slice(&entry.as_ref().unwrap().0)[..raw.len()])?);
-                    for n in [new.base_vertex_count, (new.base_vertex_count + new.vertex_count()) / 2, new.vertex_count()] {
+                    let (old, new) = (
+                        Page::view(raw)?,
+                        Page::parse(&bytemuck::cast_slice(&entry.as_ref().unwrap().0)[..raw.len()])?,
+                    );
+                    for n in [
+                        new.base_vertex_count,
+                        (new.base_vertex_count + new.vertex_count()) / 2,
+                        new.vertex_count(),
+                    ] {
                         let (a, b) = (mesh(&old, n), mesh(&new, n));
                         if a != b {
-                            let only = |a: &Vec<[[u32; 3]; 3]>, b: &Vec<[[u32; 3]; 3]>| a.iter().filter(|t| !b.contains(t)).cloned().collect::<Vec<_>>();
-                            println!("{id:?} n {n} of {}..{}: {} {}; {:?} / {:?}", new.base_vertex_count, new.vertex_count(), a.len(), b.len(), only(&a, &b), only(&b, &a));
+                            let only = |a: &Vec<[[u32; 3]; 3]>, b: &Vec<[[u32; 3]; 3]>| {
+                                a.iter().filter(|t| !b.contains(t)).cloned().collect::<Vec<_>>()
+                            };
+                            println!(
+                                "{id:?} n {n} of {}..{}: {} {}; {:?} / {:?}",
+                                new.base_vertex_count,
+                                new.vertex_count(),
+                                a.len(),
+                                b.len(),
+                                only(&a, &b),
+                                only(&b, &a)
+                            );
                             return Err("other mesh".into());
                         }
                         assert_eq!(old.error_at(n), new.error_at(n));
@@ -133,7 +173,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (id, (words, packed, above)) in (0..).map(ClusterId).zip(&pages) {
         let len = file.page_len(id) as usize;
         if let Some(above) = above {
-            let parent = Page::view(&bytemuck::cast_slice(&pages[above.index()].0)[..file.page_len(*above) as usize])?;
+            let parent =
+                Page::view(&bytemuck::cast_slice(&pages[above.index()].0)[..file.page_len(*above) as usize])?;
             packed::unchain(packed, &parent, &mut raw[..len])?;
             assert!(raw[..len] == bytemuck::cast_slice::<u64, u8>(words)[..len]);
         }
@@ -164,9 +205,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     let all: usize = pages.iter().map(|p| p.1.len().next_multiple_of(8)).sum();
     println!("{name}: {chained} chained, {refused} refused of {}", ids.len());
     println!("pages {:.3} bytes a source triangle", all as f64 / source);
-    let told = packed::PARTS.iter().zip(parts).map(|(part, bits)| format!("{part} {:.3}", bits as f64 / 8.0 / source));
+    let told = packed::PARTS
+        .iter()
+        .zip(parts)
+        .map(|(part, bits)| format!("{part} {:.3}", bits as f64 / 8.0 / source));
     println!("parts: {}", told.collect::<Vec<_>>().join(", "));
-    println!("packing {packing:.2} s; unpacking {:.1} million stored triangles a second", triangles as f64 / seconds / 1e6);
+    println!(
+        "packing {packing:.2} s; unpacking {:.1} million stored triangles a second",
+        triangles as f64 / seconds / 1e6
+    );
     println!("misses of a cache of 16: {before:.3} before, {after:.3} after");
     Ok(())
 }

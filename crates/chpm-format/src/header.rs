@@ -242,7 +242,8 @@ impl Header {
             return Err(FormatError::Checksum { place, expected: found, got: expected });
         }
 
-        let unknown = self.required_flags & !(PACKED_PAGES | OCTAHEDRAL_NORMALS | NAMED_SCALARS | SHEETS | CHAINED_PAGES);
+        let unknown = self.required_flags
+            & !(PACKED_PAGES | OCTAHEDRAL_NORMALS | NAMED_SCALARS | SHEETS | CHAINED_PAGES);
         if unknown != 0 {
             return Err(FormatError::Feature { place, got: unknown });
         }

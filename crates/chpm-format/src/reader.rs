@@ -5,8 +5,8 @@ use crate::error::{FilePart, FormatError, invalid, require, require_eq};
 use crate::gaps::Gaps;
 use crate::header::{Header, attribute_bits};
 use crate::metadata::Metadata;
-use crate::page::Page;
 use crate::packed;
+use crate::page::Page;
 use crate::page_buf::PageBuf;
 use crate::parents::{Parent, Parents, Step};
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
@@ -418,7 +418,11 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     ///
     /// # Panics
     /// As [`Chpm::coarse`].
-    pub fn page_sizes(&self, id: ClusterId, page: &PageBuf<'_>) -> Result<[u64; packed::PARTS.len()], FormatError> {
+    pub fn page_sizes(
+        &self,
+        id: ClusterId,
+        page: &PageBuf<'_>,
+    ) -> Result<[u64; packed::PARTS.len()], FormatError> {
         if !self.is_packed(id) {
             return Ok(page.view().sizes());
         }

@@ -6,8 +6,8 @@
 use crate::chunks::{self, CHUNKED};
 use crate::error::{FilePart, FormatError, require, require_eq};
 use crate::header::Header;
-use crate::page_buf::PageBuf;
 use crate::packed;
+use crate::page_buf::PageBuf;
 use crate::parents::{Parents, Step};
 use crate::reader::{check_page, chosen};
 use crate::records::{ClusterRecord, GroupRecord};

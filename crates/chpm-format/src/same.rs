@@ -93,10 +93,8 @@ pub fn compare_to<A: AsRef<[u8]>, B: AsRef<[u8]>>(
     let (clusters_here, corners_here) = clusters(here, extent, &mut progress)?;
     let (clusters_there, corners_there) = clusters(there, extent, &mut progress)?;
     let groups = [groups(here, &clusters_here), groups(there, &clusters_there)];
-    let remnants = [
-        remnants(here, &clusters_here, &corners_here),
-        remnants(there, &clusters_there, &corners_there),
-    ];
+    let remnants =
+        [remnants(here, &clusters_here, &corners_here), remnants(there, &clusters_there, &corners_there)];
     compare_sets("cluster", [clusters_here, clusters_there], &mut differences);
     let [here, there] = groups;
     compare_sets("group", [here, there], &mut differences);
@@ -239,7 +237,10 @@ fn add_attributes(page: &Page<'_>, hash: &mut Xxh3) {
     hash.update(bytemuck::cast_slice(behind(page.normals, base)));
     hash.update(bytemuck::cast_slice(behind(page.octahedral, base)));
     hash.update(bytemuck::cast_slice(behind(page.colors, base)));
-    hash.update(bytemuck::cast_slice(behind(page.scalars, base * usize::from(page.attributes().scalar_words))));
+    hash.update(bytemuck::cast_slice(behind(
+        page.scalars,
+        base * usize::from(page.attributes().scalar_words),
+    )));
 }
 
 /// Adds a sheet, whatever the order of triangles.

@@ -4,8 +4,8 @@ use crate::chunks::{self, CHUNKED};
 use crate::error::{FilePart, FormatError, invalid, require, require_eq};
 use crate::gaps::Gaps;
 use crate::header::{
-    BoundaryMode, CHAINED_PAGES, ErrorKind, HEADER_LEN, Header, MAGIC, NAMED_SCALARS, OCTAHEDRAL_NORMALS, PACKED_PAGES,
-    SHEETS, VERSION_MAJOR, page_align,
+    BoundaryMode, CHAINED_PAGES, ErrorKind, HEADER_LEN, Header, MAGIC, NAMED_SCALARS, OCTAHEDRAL_NORMALS,
+    PACKED_PAGES, SHEETS, VERSION_MAJOR, page_align,
 };
 use crate::metadata::Metadata;
 use crate::reader::Chpm;

@@ -15,8 +15,8 @@ mod view;
 
 use crate::error::{FilePart, FormatError, invalid};
 pub use crate::page::PARTS;
-pub use chained::{CHAINED_MAGIC, Chained, chain, chained_sizes, parent_place, unchain};
 use crate::page::{PAGE_HEADER_LEN, Page, PageHeader};
+pub use chained::{CHAINED_MAGIC, Chained, chain, chained_sizes, parent_place, unchain};
 use chpm_mesh::{Attributes, ClusterId};
 use pack::Packer;
 use std::cell::RefCell;

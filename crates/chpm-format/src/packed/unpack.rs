@@ -264,8 +264,7 @@ pub(super) fn expand(
     symbols.clear();
     symbols.reserve(most);
     let expanded = zstd.decompress_to_buffer(frame, symbols);
-    expanded.map_err(|error| {
-        invalid(PLACE, "packed page", "a frame of zstd that holds its symbols", error)
-    })?;
+    expanded
+        .map_err(|error| invalid(PLACE, "packed page", "a frame of zstd that holds its symbols", error))?;
     Ok(())
 }

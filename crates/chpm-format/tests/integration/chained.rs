@@ -95,7 +95,8 @@ fn chained_file(sample: &Sample) -> (Vec<u8>, Vec<Vec<u8>>) {
         let parent = tables.groups.get(parent as usize).map(|g| tables.members[g.coarse_first as usize]);
         match parent {
             Some(parent) => {
-                let chained = chain(&raw[id], &raw[parent as usize], &mut bytes).expect("its base mesh is above");
+                let chained =
+                    chain(&raw[id], &raw[parent as usize], &mut bytes).expect("its base mesh is above");
                 assert_same(&raw[id], &chained.raw, &chained.vertices);
                 raw[id] = chained.raw;
             }
@@ -190,11 +191,19 @@ fn above(page: &Page<'_>, more: usize) -> Vec<u8> {
     let extra: Vec<[u16; 3]> = triangles.iter().step_by(3).take(more).map(|[a, b, c]| [*b, *a, *c]).collect();
     triangles.extend(extra);
     fn reversed<T: Copy>(of: &[T], each: usize, count: usize) -> Vec<T> {
-        of.chunks_exact(each.max(1)).take(count).collect::<Vec<_>>().into_iter().rev().flatten().copied().collect()
+        of.chunks_exact(each.max(1))
+            .take(count)
+            .collect::<Vec<_>>()
+            .into_iter()
+            .rev()
+            .flatten()
+            .copied()
+            .collect()
     }
     let b = page.base_vertex_count;
     let (positions, normals) = (reversed(page.positions, 1, b), reversed(page.normals, 1, b));
-    let (octahedral, colors): (Vec<Octahedral>, _) = (reversed(page.octahedral, 1, b), reversed(page.colors, 1, b));
+    let (octahedral, colors): (Vec<Octahedral>, _) =
+        (reversed(page.octahedral, 1, b), reversed(page.colors, 1, b));
     let scalars = reversed(page.scalars, page.attributes().scalar_words.into(), b);
     // What is shared above has the same id below.
     let ids = page.shared().filter(|(vertex, id)| usize::from(*vertex) < b && id % 2 == 0);

@@ -160,7 +160,8 @@ impl Base {
             None => self.alike(page, corners[0], parent, words).to_vec(),
         };
         for middle in at {
-            let range = self.starts[usize::from(middle)] as usize..self.starts[usize::from(middle) + 1] as usize;
+            let range =
+                self.starts[usize::from(middle)] as usize..self.starts[usize::from(middle) + 1] as usize;
             for (triangle, place) in &self.corners[range] {
                 let above = &parent.triangles[*triangle as usize];
                 // Corner `first` of the page's own is corner `place` above.

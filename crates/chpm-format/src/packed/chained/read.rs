@@ -49,7 +49,12 @@ impl Reader {
         })
     }
 
-    pub(super) fn read(&mut self, chained: &[u8], parent: &Page<'_>, raw: &mut [u8]) -> Result<(), FormatError> {
+    pub(super) fn read(
+        &mut self,
+        chained: &[u8],
+        parent: &Page<'_>,
+        raw: &mut [u8],
+    ) -> Result<(), FormatError> {
         let (head, rest) = chained.split_at_checked(HEAD_LEN).ok_or(FormatError::Truncated {
             place: PLACE,
             expected: HEAD_LEN as u64,

@@ -120,7 +120,8 @@ impl Rings {
         let mut corner = self.first[usize::from(vertex)];
         while let Some(after) = next.get(corner as usize) {
             let (own, place) = (corner & !3, corner & 3);
-            let (second, third) = (own + (0b01_00_10_01 >> (2 * place) & 3), own + (0b00_01_00_10 >> (2 * place) & 3));
+            let (second, third) =
+                (own + (0b01_00_10_01 >> (2 * place) & 3), own + (0b00_01_00_10 >> (2 * place) & 3));
             let (a, b) = (corners[second as usize], corners[third as usize]);
             seconds[usize::from(a)] = found.len() as u8;
             thirds[usize::from(b)] = found.len() as u8;
@@ -133,7 +134,8 @@ impl Rings {
             return Ok(Ring::Open);
         }
         let is_once = |(at, spoke): (usize, &Spoke)| {
-            usize::from(seconds[usize::from(spoke.a)]) == at && usize::from(thirds[usize::from(spoke.b)]) == at
+            usize::from(seconds[usize::from(spoke.a)]) == at
+                && usize::from(thirds[usize::from(spoke.b)]) == at
         };
         if count > MOST_SPOKES || !found.iter().enumerate().all(is_once) {
             ring.extend_from_slice(found);
@@ -264,7 +266,8 @@ impl Rings {
         let mut at = self.head;
         for out in out {
             let first = 4 * at as usize;
-            let Some([a, b, c, _]) = self.corners.get(first..first + 4).and_then(|four| four.first_chunk()) else {
+            let Some([a, b, c, _]) = self.corners.get(first..first + 4).and_then(|four| four.first_chunk())
+            else {
                 return;
             };
             let told = u64::from(*a) | u64::from(*b) << 16 | u64::from(*c) << 32;
@@ -273,4 +276,5 @@ impl Rings {
             *out = [turned[0], turned[1], turned[2], turned[3], turned[4], turned[5]];
             at = self.behind[at as usize];
         }
-    }}
+    }
+}

@@ -98,7 +98,9 @@ impl Writer {
         let view = View::of(page.positions.as_flattened());
         self.put_array(page.positions.iter().map(|p| p.map(|x| view.integer(x).unwrap_or_default())));
         if !page.normals.is_empty() {
-            self.put_array(page.normals.iter().map(|n| n.map(|x| View::Binary.integer(x).unwrap_or_default())));
+            self.put_array(
+                page.normals.iter().map(|n| n.map(|x| View::Binary.integer(x).unwrap_or_default())),
+            );
         }
         if !page.octahedral.is_empty() {
             self.put_array(page.octahedral.iter().map(|n| n.steps()));
@@ -252,7 +254,8 @@ impl Writer {
                     self.arcs.push(arc_symbol(len, ends));
                     self.starts.push(start as u8);
                     self.rings.split_arc(kind, [middle, new], [start, len], ends)?;
-                    let [fronts, backs] = [true, false].map(|side| come.iter().filter(move |one| one.1 == side));
+                    let [fronts, backs] =
+                        [true, false].map(|side| come.iter().filter(move |one| one.1 == side));
                     self.origins.extend(fronts.chain(backs).map(|one| one.2));
                 }
                 None => {
