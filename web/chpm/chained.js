@@ -124,7 +124,6 @@ class Rings {
       const a = corners[own + (place === 2 ? 0 : place + 1)];
       const b = corners[own + (place === 0 ? 2 : place - 1)];
       seconds[a] = count;
-      thirds[b] = count;
       found[count] = corner;
       foundA[count] = a;
       foundB[count] = b;
@@ -133,31 +132,33 @@ class Rings {
     this.left -= count;
     this.expectIt(this.left >= 0, "rings that are too many");
     if (count === 0) return OPEN;
-    let isOdd = count > MOST_SPOKES;
-    for (let i = 0; i < count && !isOdd; i++) isOdd = seconds[foundA[i]] !== i || thirds[foundB[i]] !== i;
-    let length = 0;
-    if (!isOdd) {
+    if (count <= MOST_SPOKES) {
       const after = (i) => {
         const next = seconds[foundB[i]];
         return next < count && foundA[next] === foundB[i] ? next : -1;
       };
-      // Since each second corner and each third is there once, this comes back to the first or to an end.
+      // Only the last with some second corner is found again: what comes back to the first after all has each once.
+      let length = 0;
       let at = 0;
       do {
         ring[length++] = at;
         at = after(at);
-      } while (at > 0);
+      } while (at > 0 && length < count);
       if (at === 0 && length === count) return CLOSED;
-      if (at < 0) {
+      for (let i = 0; i < count; i++) thirds[foundB[i]] = i;
+      let isOnce = true;
+      for (let i = 0; i < count && isOnce; i++) isOnce = seconds[foundA[i]] === i && thirds[foundB[i]] === i;
+      if (isOnce) {
+        // Where the first is in a circle that is not all, going back does not end by itself.
         let start = 0;
-        for (;;) {
+        for (let i = 0; i < count; i++) {
           const last = thirds[foundA[start]];
           if (last >= count || foundB[last] !== foundA[start]) break;
           start = last;
         }
         length = 0;
-        for (at = start; at >= 0; at = after(at)) ring[length++] = at;
-        if (length === count) return OPEN;
+        for (at = start; at >= 0 && length < count; at = after(at)) ring[length++] = at;
+        if (length === count && at < 0) return OPEN;
       }
     }
     for (let i = 0; i < count; i++) ring[i] = i;

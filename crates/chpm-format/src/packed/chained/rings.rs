@@ -31,6 +31,10 @@ pub(super) enum Ring {
     Odd,
 }
 
+/// Room for a ring that is not too large, with places that any six bits are in.
+const ROOM: usize = 64;
+const NO_SPOKE: Spoke = Spoke { corner: NOWHERE, a: 0, b: 0 };
+
 /// The mesh, and the ring that was looked at last.
 pub(super) struct Rings {
     /// Four for a triangle, the last of them of no meaning.
@@ -41,12 +45,15 @@ pub(super) struct Rings {
     /// By triangle, the one behind it in the page.
     behind: Vec<u32>,
     head: u32,
+    /// Triangles so far.
+    count: usize,
     /// Where in the ring a vertex was last seen, as its second corner and as its third.
     seconds: ByVertex<u8>,
     thirds: ByVertex<u8>,
-    found: Vec<Spoke>,
-    /// In their order around the middle where they have one.
-    pub(super) ring: Vec<Spoke>,
+    found: [Spoke; ROOM],
+    /// In their order around the middle where they have one; only the first `len` count.
+    ring: Vec<Spoke>,
+    len: usize,
     most_triangles: usize,
     left: u64,
     /// The vertices that each new one is guessed from, one after the other.
@@ -61,10 +68,12 @@ impl Rings {
             first: by_vertex(),
             behind: Vec::new(),
             head: NOWHERE,
+            count: 0,
             seconds: by_vertex(),
             thirds: by_vertex(),
-            found: Vec::new(),
-            ring: Vec::new(),
+            found: [NO_SPOKE; ROOM],
+            ring: vec![NO_SPOKE; ROOM],
+            len: 0,
             most_triangles: 0,
             left: 0,
             links: Vec::new(),
@@ -73,40 +82,45 @@ impl Rings {
 
     /// Begins a page of so many vertices and triangles.
     pub(super) fn clear(&mut self, vertex_count: usize, most_triangles: usize) {
-        self.corners.clear();
-        self.next.clear();
-        self.behind.clear();
+        if self.behind.len() < most_triangles {
+            self.behind.resize(most_triangles, NOWHERE);
+            self.corners.resize(4 * most_triangles, 0);
+            self.next.resize(4 * most_triangles, NOWHERE);
+        }
         self.links.clear();
         self.first[..vertex_count].fill(NOWHERE);
-        self.head = NOWHERE;
+        (self.head, self.count) = (NOWHERE, 0);
         self.most_triangles = most_triangles;
         self.left = MOST_WALKED * most_triangles as u64;
     }
 
     pub(super) fn triangle_count(&self) -> usize {
-        self.behind.len()
+        self.count
+    }
+
+    pub(super) fn ring(&self) -> &[Spoke] {
+        &self.ring[..self.len]
     }
 
     /// Adds a triangle behind another one, or in front of all.
     #[inline]
-    pub(super) fn add(&mut self, corners: [u16; 3], behind: u32) -> Result<(), Damage> {
-        let triangle = self.behind.len() as u32;
-        if triangle as usize >= self.most_triangles {
+    pub(super) fn add(&mut self, [a, b, c]: [u16; 3], behind: u32) -> Result<(), Damage> {
+        if self.count >= self.most_triangles {
             return Err(Damage("no more triangles than it has"));
         }
-        let place = match self.behind.get_mut(behind as usize) {
-            Some(place) => place,
-            None => &mut self.head,
+        let triangle = self.count as u32;
+        self.count += 1;
+        let place = match behind {
+            NOWHERE => &mut self.head,
+            _ => &mut self.behind[behind as usize],
         };
-        let after = std::mem::replace(place, triangle);
-        self.behind.push(after);
-        let [a, b, c] = corners;
-        self.corners.extend_from_slice(&[a, b, c, 0]);
-        let mut lists = [NOWHERE; 4];
-        for ((corner, list), vertex) in (4 * triangle..).zip(&mut lists).zip(corners) {
+        self.behind[triangle as usize] = std::mem::replace(place, triangle);
+        let at = 4 * triangle as usize;
+        self.corners[at..at + 4].copy_from_slice(&[a, b, c, 0]);
+        let lists: &mut [u32] = &mut self.next[at..at + 3];
+        for ((corner, list), vertex) in (at as u32..).zip(lists).zip([a, b, c]) {
             *list = std::mem::replace(&mut self.first[usize::from(vertex)], corner);
         }
-        self.next.extend_from_slice(&lists);
         Ok(())
     }
 
@@ -115,76 +129,87 @@ impl Rings {
     pub(super) fn look(&mut self, vertex: u16) -> Result<Ring, Damage> {
         let Rings { corners, next, found, ring, seconds, thirds, .. } = self;
         let (corners, next) = (&corners[..], &next[..]);
-        found.clear();
-        ring.clear();
-        let mut corner = self.first[usize::from(vertex)];
-        while let Some(after) = next.get(corner as usize) {
-            let (own, place) = (corner & !3, corner & 3);
-            let (second, third) =
-                (own + (0b01_00_10_01 >> (2 * place) & 3), own + (0b00_01_00_10 >> (2 * place) & 3));
-            let (a, b) = (corners[second as usize], corners[third as usize]);
-            seconds[usize::from(a)] = found.len() as u8;
-            thirds[usize::from(b)] = found.len() as u8;
-            found.push(Spoke { corner, a, b });
-            corner = *after;
+        let first = self.first[usize::from(vertex)];
+        let (mut corner, mut count) = (first, 0);
+        while corner != NOWHERE {
+            let (a, b) = beside(corners, corner);
+            seconds[usize::from(a)] = count as u8;
+            found[count % ROOM] = Spoke { corner, a, b };
+            count += 1;
+            corner = next[corner as usize];
         }
-        let count = found.len();
+        self.len = count;
         self.left = self.left.checked_sub(count as u64).ok_or(Damage("rings that are not too many"))?;
         if count == 0 {
             return Ok(Ring::Open);
         }
+        if count > MOST_SPOKES {
+            ring.clear();
+            let mut corner = first;
+            while corner != NOWHERE {
+                let (a, b) = beside(corners, corner);
+                ring.push(Spoke { corner, a, b });
+                corner = next[corner as usize];
+            }
+            return Ok(Ring::Odd);
+        }
+        let all = &found[..count];
+        let after = |at: usize| {
+            let next = usize::from(seconds[usize::from(all[at].b)]);
+            (next < count && all[next].a == all[at].b).then_some(next)
+        };
+        // Only the last with some second corner is found again: what comes back to the first after all has each once.
+        let (mut at, mut len) = (0, 0);
+        let is_closed = loop {
+            ring[len] = all[at];
+            len += 1;
+            match after(at) {
+                Some(0) => break len == count,
+                Some(next) if len < count => at = next,
+                _ => break false,
+            }
+        };
+        if is_closed {
+            return Ok(Ring::Closed);
+        }
+        for (at, spoke) in (0..).zip(all) {
+            thirds[usize::from(spoke.b)] = at;
+        }
         let is_once = |(at, spoke): (usize, &Spoke)| {
-            usize::from(seconds[usize::from(spoke.a)]) == at
-                && usize::from(thirds[usize::from(spoke.b)]) == at
+            usize::from(seconds[usize::from(spoke.a)]) == at && usize::from(thirds[usize::from(spoke.b)]) == at
         };
-        if count > MOST_SPOKES || !found.iter().enumerate().all(is_once) {
-            ring.extend_from_slice(found);
-            return Ok(Ring::Odd);
-        }
-        let after = |spoke: Spoke| {
-            let next = usize::from(seconds[usize::from(spoke.b)]);
-            found.get(next).filter(|next| next.a == spoke.b).copied()
-        };
-        let mut is_closed = false;
-        // Since each second corner and each third is there once, this comes back to the first or to an end.
-        let mut at = Some(found[0]);
-        while let Some(spoke) = at {
-            ring.push(spoke);
-            at = after(spoke);
-            if at.is_some_and(|spoke| spoke.corner == found[0].corner) {
-                is_closed = true;
-                break;
-            }
-        }
-        if !is_closed {
-            let mut start = found[0];
-            let before = |spoke: Spoke| {
-                let last = usize::from(thirds[usize::from(spoke.a)]);
-                found.get(last).filter(|last| last.b == spoke.a).copied()
+        if all.iter().enumerate().all(is_once) {
+            let before = |at: usize| {
+                let last = usize::from(thirds[usize::from(all[at].a)]);
+                (last < count && all[last].b == all[at].a).then_some(last)
             };
-            while let Some(spoke) = before(start) {
-                start = spoke;
+            // Where the first is in a circle that is not all, going back does not end by itself.
+            let mut start = 0;
+            for _ in 0..count {
+                match before(start) {
+                    Some(last) => start = last,
+                    None => break,
+                }
             }
-            ring.clear();
-            let mut at = Some(start);
-            while let Some(spoke) = at {
-                ring.push(spoke);
-                at = after(spoke);
+            let (mut at, mut len) = (Some(start), 0);
+            while let Some(place) = at.filter(|_| len < count) {
+                ring[len] = all[place];
+                len += 1;
+                at = after(place);
+            }
+            if len == count && at.is_none() {
+                return Ok(Ring::Open);
             }
         }
-        if ring.len() < count {
-            ring.clear();
-            ring.extend_from_slice(found);
-            return Ok(Ring::Odd);
-        }
-        Ok(if is_closed { Ring::Closed } else { Ring::Open })
+        ring[..count].copy_from_slice(all);
+        Ok(Ring::Odd)
     }
 
     /// The vertex in front of a triangle of the ring, or behind the last.
     pub(super) fn link(&self, at: usize) -> Option<u16> {
-        match self.ring.get(at) {
+        match self.ring().get(at) {
             Some(spoke) => Some(spoke.a),
-            None => self.ring.get(at.checked_sub(1)?).map(|spoke| spoke.b),
+            None => self.ring().get(at.checked_sub(1)?).map(|spoke| spoke.b),
         }
     }
 
@@ -198,7 +223,7 @@ impl Rings {
         [start, count]: [usize; 2],
         [in_front, behind]: [bool; 2],
     ) -> Result<(), Damage> {
-        let len = self.ring.len();
+        let len = self.len;
         let is_closed = kind == Ring::Closed;
         let is_there = if is_closed { start < len && count <= len } else { start + count <= len };
         if !is_there || ((in_front | behind) && len == 0) {
@@ -242,7 +267,8 @@ impl Rings {
     /// Splits the middle of any ring: `goes` answers by the place of a triangle whether the new vertex gets it. Triangles are to be added.
     pub(super) fn split_odd(&mut self, [middle, new]: [u16; 2], mut goes: impl FnMut(usize) -> bool) {
         let mut lists = [NOWHERE; 2];
-        for (at, spoke) in self.ring.iter().enumerate() {
+        for at in 0..self.len {
+            let spoke = self.ring[at];
             let corner = spoke.corner as usize;
             let is_new = goes(at);
             if is_new {
@@ -256,7 +282,7 @@ impl Rings {
 
     /// Adds triangles of such a split behind one of the ring, each behind the one before.
     pub(super) fn add_odd(&mut self, corners: [u16; 3], is_first: bool) -> Result<(), Damage> {
-        let beside = self.ring.first().map_or(NOWHERE, |spoke| spoke.corner / 4);
+        let beside = self.ring().first().map_or(NOWHERE, |spoke| spoke.corner / 4);
         let last = (self.triangle_count() as u32).wrapping_sub(1);
         self.add(corners, if is_first { beside } else { last })
     }
@@ -277,4 +303,12 @@ impl Rings {
             at = self.behind[at as usize];
         }
     }
+}
+
+/// The two corners behind one of a triangle.
+#[inline(always)]
+fn beside(corners: &[u16], corner: u32) -> (u16, u16) {
+    let (own, place) = (corner & !3, corner & 3);
+    let (second, third) = (0b01_00_10_01 >> (2 * place) & 3, 0b00_01_00_10 >> (2 * place) & 3);
+    (corners[(own + second) as usize], corners[(own + third) as usize])
 }

@@ -231,7 +231,7 @@ impl Writer {
 
             let kind = self.rings.look(middle)?;
             self.goes.clear();
-            self.goes.extend(self.rings.ring.iter().map(|spoke| {
+            self.goes.extend(self.rings.ring().iter().map(|spoke| {
                 let (triangle, turn) = self.origins[(spoke.corner / 4) as usize];
                 let corner = ((spoke.corner & 3) as usize + usize::from(turn)) % 3;
                 let mut vertex = page.triangles[triangle as usize][corner];
