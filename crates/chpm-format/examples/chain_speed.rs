@@ -58,6 +58,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         "all pages in the order of the file: {walking:.2} s, {:.1} times that of unpacking each once, checks included",
         walking / unpacking
     );
-    println!("one leaf alone: {} pages, {} bytes, {alone:.2} ms", chain + 1, read + file.page_bytes(at).len());
+    println!(
+        "one leaf alone: {} pages, {} bytes, {alone:.2} ms",
+        chain + 1,
+        read + file.page_bytes(at).len()
+    );
     Ok(())
 }

@@ -176,7 +176,8 @@ impl Rings {
             thirds[usize::from(spoke.b)] = at;
         }
         let is_once = |(at, spoke): (usize, &Spoke)| {
-            usize::from(seconds[usize::from(spoke.a)]) == at && usize::from(thirds[usize::from(spoke.b)]) == at
+            usize::from(seconds[usize::from(spoke.a)]) == at
+                && usize::from(thirds[usize::from(spoke.b)]) == at
         };
         if all.iter().enumerate().all(is_once) {
             let before = |at: usize| {
