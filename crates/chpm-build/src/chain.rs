@@ -13,7 +13,7 @@ const BATCH: usize = 4;
 /// A page where it lies: its first byte, and how many there are.
 type Place = (u64, usize);
 
-/// What is to be written of a page.
+/// The bytes that are to be written of a page.
 struct Stored {
     bytes: Vec<u8>,
     flag: u32,

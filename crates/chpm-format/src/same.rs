@@ -176,7 +176,7 @@ fn clusters<D: AsRef<[u8]>>(
 #[derive(Default)]
 struct Names {
     all: Vec<u64>,
-    /// What the triangles about each say of it.
+    /// The sum of what triangles say of each.
     around: Vec<u64>,
     triangles: Vec<[u64; 3]>,
 }

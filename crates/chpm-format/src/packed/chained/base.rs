@@ -53,6 +53,20 @@ impl Base {
         if page.attributes() != parent.attributes() {
             return false;
         }
+        self.left.clear();
+        self.left.extend(triangles);
+        if self.left.len() != page.base_triangle_count {
+            return false;
+        }
+        // Of those that a group replaces, most are told by one vertex that they do not have.
+        let some = self.left.iter().step_by(self.left.len() / 4 + 1).map(|(_, corners)| corners[0]);
+        let is_above = |own: u16| {
+            (0..parent.vertex_count() as u16)
+                .any(|above| compare(&parent.vertices, above, &page.vertices, own, words).is_eq())
+        };
+        if !some.into_iter().all(is_above) {
+            return false;
+        }
         self.index(parent, words);
         self.above.clear();
         self.above.resize(page.base_vertex_count, NONE);
@@ -60,11 +74,6 @@ impl Base {
         self.taken.resize(parent.vertex_count(), NONE);
         self.own.clear();
         self.own.resize(parent.triangles.len(), (NOWHERE, 0));
-        self.left.clear();
-        self.left.extend(triangles);
-        if self.left.len() != page.base_triangle_count {
-            return false;
-        }
 
         // Where bits alone say which vertex it is.
         let mut used: Vec<u16> = self.left.iter().flat_map(|(_, corners)| *corners).collect();

@@ -34,7 +34,7 @@ fn arc_of(symbol: u8) -> (usize, [bool; 2]) {
     (usize::from(told / 4), [told & 2 == 0, told & 1 == 0])
 }
 
-/// What a sum of so many is multiplied by.
+/// Factors that make a mean of a sum.
 struct Shares([f64; 64]);
 
 impl Shares {
@@ -61,7 +61,7 @@ impl Shares {
     }
 }
 
-/// What [`chain`] found.
+/// The outcome of [`chain`].
 #[derive(Debug)]
 pub struct Chained {
     /// The page with its vertices and triangles in the order that the chained page has them in.
