@@ -172,7 +172,7 @@ impl<'a> Output<'a> {
             self.tables.remnants.extend(remnants.iter().map(|remnant| Remnant { cluster, ..*remnant }));
         }
         self.tables.clusters = records.into_iter().map(|(record, _)| record).collect();
-        let check = || Ok::<(), BuildError>(context.check()?);
+        let check = || context.check();
         if self.tables.header.chained {
             places = chain(&self.out, &mut self.tables, &places, self.len, check)?;
         }
