@@ -43,7 +43,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let unpacking = (user_time()? - start) / times as f64;
 
-    let leaf = ids().filter(|id| file.clusters()[id.index()].level == 0).next_back().ok_or("no leaf")?;
+    let leaf = ids().rfind(|id| file.clusters()[id.index()].level == 0).ok_or("no leaf")?;
     let (mut chain, mut at, mut read) = (0, leaf, 0);
     while let Some(above) = file.above(at, file.page_bytes(at))? {
         (chain, read, at) = (chain + 1, read + file.page_bytes(at).len(), above);

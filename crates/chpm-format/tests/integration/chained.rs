@@ -294,6 +294,29 @@ fn pages_of_no_surface_are_chained() {
     assert!(!comes_back(&other, &parent));
 }
 
+/// Each collapse of a long strip moves all triangles behind it: that is no hierarchy that a build makes, and would take long.
+#[test]
+fn pages_that_would_take_long_are_not_chained() {
+    let page = |count: u16| {
+        let positions: Vec<[f32; 3]> = (0..count).map(|i| [f32::from(i), f32::from(i % 2), 0.0]).collect();
+        let triangles: Vec<[u16; 3]> = (0..count - 2).map(|i| [i, i + 1, i + 2]).collect();
+        let targets: Vec<u16> = (3..count).map(|i| i - 3).collect();
+        let errors = vec![1.0; targets.len()];
+        let parts = PageParts {
+            vertices: VertexSlices { positions: &positions, ..VertexSlices::default() },
+            triangles: &triangles,
+            targets: &targets,
+            errors: &errors,
+            ..PageParts::default()
+        };
+        let mut page = Vec::new();
+        parts.encode(&mut page).unwrap();
+        page
+    };
+    let long = page(30_000);
+    assert!(!comes_back(&long, &in_place(&long, |page| above(page, 0))));
+}
+
 /// Damaged pages, and good ones with another above them: any is refused, or is a page of the right length. Half of the changes are made behind zstd.
 #[test]
 fn damaged_chained_pages_are_survived() {

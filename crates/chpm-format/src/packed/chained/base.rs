@@ -6,6 +6,9 @@ use crate::page::Page;
 use chpm_mesh::VertexSlices;
 use std::cmp::Ordering;
 
+/// Looks at triangles above for each of a page, in the mean: where vertices of the same bits take more, nothing is found.
+const MOST_LOOKS: usize = 256;
+
 /// A page's base mesh in the page above.
 #[derive(Default)]
 pub(super) struct Base {
@@ -20,6 +23,8 @@ pub(super) struct Base {
     /// By vertex above, where its corners begin in `corners`, which has the triangles at each and the corner's place there.
     starts: Vec<u32>,
     corners: Vec<(u32, u8)>,
+    /// How many more triangles above may be looked at.
+    looks: usize,
     /// The page's triangles that are not found yet.
     left: Vec<(u32, [u16; 3])>,
 }
@@ -67,6 +72,7 @@ impl Base {
         if !some.into_iter().all(is_above) {
             return false;
         }
+        self.looks = MOST_LOOKS * (self.left.len() + parent.triangles.len());
         self.index(parent, words);
         self.above.clear();
         self.above.resize(page.base_vertex_count, NONE);
@@ -100,6 +106,7 @@ impl Base {
             let mut left = std::mem::take(&mut self.left);
             let before = left.len();
             left.retain(|(own, corners)| {
+                self.looks = self.looks.saturating_sub(1);
                 let is_known = corners.iter().any(|c| self.above[usize::from(*c)] != NONE);
                 let found = (is_known || may_begin) && self.place(page, (*own, *corners), parent, words);
                 may_begin &= !found;
@@ -107,7 +114,7 @@ impl Base {
             });
             let is_stuck = left.len() == before;
             self.left = left;
-            if is_stuck && std::mem::replace(&mut may_begin, true) {
+            if self.looks == 0 || is_stuck && std::mem::replace(&mut may_begin, true) {
                 return false;
             }
         }
@@ -171,6 +178,10 @@ impl Base {
         for middle in at {
             let range =
                 self.starts[usize::from(middle)] as usize..self.starts[usize::from(middle) + 1] as usize;
+            self.looks = self.looks.saturating_sub(1 + range.len());
+            if self.looks == 0 {
+                return false;
+            }
             for (triangle, place) in &self.corners[range] {
                 let above = &parent.triangles[*triangle as usize];
                 // Corner `first` of the page's own is corner `place` above.

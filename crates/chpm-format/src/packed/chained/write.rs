@@ -13,6 +13,9 @@ use crate::page::{PAGE_HEADER_LEN, PARTS, Page};
 use chpm_mesh::Attributes;
 use std::io;
 
+/// Collapses that are followed for each vertex and triangle, in the mean: pages that take more are not chained.
+const MOST_STEPS: usize = 256;
+
 /// A triangle where it comes in: the vertex that brings it, its number in the page, its corners then.
 type Birth = (u16, u32, [u16; 3]);
 
@@ -26,6 +29,8 @@ pub(super) struct Writer {
     /// Bits that say which vertices are split.
     which: u64,
     births: Vec<Birth>,
+    /// How many more collapses may be followed.
+    steps: usize,
     /// By triangle of the growing mesh: that of the page, and by how many corners it is turned.
     origins: Vec<(u32, u8)>,
     /// The page's vertex of each number, and the other way.
@@ -52,6 +57,7 @@ impl Writer {
             bits: BitWriter::default(),
             which: 0,
             births: Vec::new(),
+            steps: 0,
             origins: Vec::new(),
             order: Vec::new(),
             numbers: Vec::new(),
@@ -78,7 +84,11 @@ impl Writer {
         if raw[KEPT..PAGE_HEADER_LEN].iter().any(|byte| *byte != 0) {
             return Ok(None);
         }
+        self.steps = MOST_STEPS * (page.vertex_count() + page.triangles.len());
         self.play(page);
+        if self.steps == 0 {
+            return Ok(None);
+        }
         let (births, of_base) = (&self.births, |birth: &&Birth| usize::from(birth.0) < base);
         let triangles = births.iter().take_while(of_base).map(|(_, triangle, corners)| (*triangle, *corners));
         if !self.base.find(page, triangles, parent) {
@@ -88,7 +98,7 @@ impl Writer {
         self.walk_bits.clear();
         self.bits.clear();
         self.put_base(page, parent);
-        if self.put_splits(page).is_err() {
+        if self.put_splits(page).is_err() || self.steps == 0 {
             return Ok(None);
         }
         for stream in [&self.arcs, &self.starts, &self.odds] {
@@ -159,7 +169,10 @@ impl Writer {
             let mut corners = *corners;
             let last = loop {
                 let last = *corners.iter().max().unwrap_or(&0);
-                let Some(at) = usize::from(last).checked_sub(base) else { break 0 };
+                let Some(at) = usize::from(last).checked_sub(base).filter(|_| self.steps > 0) else {
+                    break 0;
+                };
+                self.steps -= 1;
                 let target = page.targets[at];
                 if corners.contains(&target) {
                     break last;
@@ -235,7 +248,8 @@ impl Writer {
                 let (triangle, turn) = self.origins[(spoke.corner / 4) as usize];
                 let corner = ((spoke.corner & 3) as usize + usize::from(turn)) % 3;
                 let mut vertex = page.triangles[triangle as usize][corner];
-                while vertex > new {
+                while vertex > new && self.steps > 0 {
+                    self.steps -= 1;
                     vertex = page.targets[usize::from(vertex) - base];
                 }
                 vertex == new
