@@ -217,6 +217,8 @@ pub(crate) enum Pages {
     /// Compressed: every bit of them in fewer bytes, on scans less than half, to be unpacked when they are read
     #[value(alias = "compressed")]
     Packed,
+    /// Packed, and each told by one above that it refines: in half of the bytes, but reading one takes those above it
+    Chained,
 }
 
 /// Resources; none of them shows in the output.
@@ -309,7 +311,8 @@ impl SettingsArgs {
                 BoundsArg::Tight => Bounds::Tight,
             },
             layout: if settings.no_layout { Layout::Simplification } else { settings.order.layout() },
-            packed: settings.pages == Pages::Packed,
+            packed: settings.pages != Pages::Raw,
+            chained: settings.pages == Pages::Chained,
             positions: settings.positions,
             ..Settings::default()
         })

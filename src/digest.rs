@@ -44,7 +44,11 @@ pub(crate) fn print(
         Bytes(sizes.file),
         per_triangle(sizes.file, h.source_triangle_count),
         Bytes(sizes.pages),
-        if h.is_packed() { " packed" } else { "" },
+        match (h.is_chained(), h.is_packed()) {
+            (true, _) => " chained",
+            (false, true) => " packed",
+            (false, false) => "",
+        },
         Bytes(sizes.padding),
         Bytes(sizes.tables),
     )?;

@@ -136,8 +136,9 @@ fn settings(given: &Given<'_>) -> Result<Settings, Failure> {
     if let Some(bounds) = given.word("bounds", &[("quick", Bounds::Quick), ("tight", Bounds::Tight)])? {
         settings.bounds = bounds;
     }
-    if let Some(packed) = given.word("pages", &[("raw", false), ("packed", true)])? {
-        settings.packed = packed;
+    let pages = [("raw", (false, false)), ("packed", (true, false)), ("chained", (true, true))];
+    if let Some(pages) = given.word("pages", &pages)? {
+        (settings.packed, settings.chained) = pages;
     }
     if let Some(positions) = given.parsed("positions")? {
         settings.positions = positions;

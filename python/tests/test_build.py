@@ -80,7 +80,7 @@ def test_images_become_colours(tmp_path):
         chpm.build(obj, tmp_path / "b.chpm", texture="images")
 
 
-@pytest.mark.parametrize("pages", ["raw", "packed"])
+@pytest.mark.parametrize("pages", ["raw", "packed", "chained"])
 def test_scalars_that_are_kept_are_arrays(tmp_path, pages):
     points, faces, _, _ = meshes.sphere()
     rng = np.random.default_rng(5)
@@ -170,7 +170,7 @@ NOT_FINITE = np.array([[0, 0, 0], [1, np.nan, 0], [0, 1, 0]])
         (POINTS, FACES, {"normals": POINTS[:2]}, "normals: one for each of 3 vertices expected, got 2"),
         (POINTS, FACES, {"memory": "1M"}, "memory: 1M is less than a build can stay below"),
         (POINTS, FACES, {"memory": "much"}, "memory: "),
-        (POINTS, FACES, {"pages": "tight"}, "pages: one of 'raw', 'packed' expected, got 'tight'"),
+        (POINTS, FACES, {"pages": "tight"}, "pages: one of 'raw', 'packed', 'chained' expected, got 'tight'"),
         (POINTS, FACES, {"positions": "lattice:99"}, "positions: .*lattice:BITS"),
         (POINTS, FACES, {"threads": 0}, "threads: 1 to 1024 expected, got 0"),
         (POINTS, FACES, {"seed": "x"}, "seed: not understood: 'x'"),

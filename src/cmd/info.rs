@@ -12,7 +12,7 @@ use crate::progress::line;
 use crate::report::{self, LevelRow, per_triangle};
 use anyhow::Result;
 use chpm_extmem::MappedFile;
-use chpm_format::packed::{self, PARTS};
+use chpm_format::packed::PARTS;
 use chpm_format::{Chpm, Metadata};
 use chpm_mesh::{Bytes, ClusterId, Counted, Scalar};
 use serde_json::{Map, Value};
@@ -109,10 +109,7 @@ fn parts(file: &Chpm<MappedFile>) -> Result<[f64; PARTS.len()]> {
     let mut sums = [0; PARTS.len()];
     for id in (0..file.header().cluster_count).map(ClusterId) {
         let page = file.page(id)?;
-        let sizes = match file.is_packed(id) {
-            true => packed::sizes(page.bytes_or(&[]))?,
-            false => page.view().sizes(),
-        };
+        let sizes = file.page_sizes(id, &page)?;
         sums.iter_mut().zip(sizes).for_each(|(sum, bits)| *sum += bits);
     }
     Ok(sums.map(|bits| bits as f64 / 8.0))

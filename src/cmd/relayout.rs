@@ -118,9 +118,18 @@ fn write(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<u64> {
     let (meter, cancel) = (Meter::new(args.quiet), stop.heed());
     let mut tables = Tables::of(file)?;
     tables.metadata.show(args.shown.clone());
-    let was = if tables.header.packed { Pages::Packed } else { Pages::Raw };
+    let was = match (tables.header.packed, tables.header.chained) {
+        (_, true) => Pages::Chained,
+        (true, false) => Pages::Packed,
+        (false, false) => Pages::Raw,
+    };
     let pages = args.pages.unwrap_or(was);
-    tables.header.packed = pages == Pages::Packed;
+    ensure!(
+        pages != Pages::Chained || tables.sheets.is_empty(),
+        "'{}' has sheets, which know triangles by their order, and chained pages have another: store it with --pages packed",
+        args.file.display()
+    );
+    (tables.header.packed, tables.header.chained) = (pages != Pages::Raw, pages == Pages::Chained);
     tables.header.chunked = true;
     let ids = order(file, args.order);
     tables.reorder(&ids);
@@ -130,11 +139,13 @@ fn write(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<u64> {
     let align = if tables.header.packed { chpm_format::PACKED_ALIGN } else { chpm_format::PAGE_ALIGN };
     let mut offset = tables.first_page_offset()?;
     meter.start("relayout", ids.len() as u64);
+    let mut places = Vec::new();
     for (batch, records) in ids.chunks(BATCH).zip(tables.clusters.chunks_mut(BATCH)) {
         crate::stop::check(&cancel)?;
         let stored = batch.par_iter().map(|id| store(file, *id, pages)).collect::<Result<Vec<_>, _>>()?;
         for (record, (bytes, flag)) in records.iter_mut().zip(stored) {
             out.write_all_at(&bytes, offset)?;
+            places.push(offset);
             offset = (offset + bytes.len() as u64).next_multiple_of(align);
             record.page_len = bytes.len() as u32;
             record.page_checksum = checksum(&bytes);
@@ -143,6 +154,11 @@ fn write(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<u64> {
         meter.add(batch.len() as u64);
     }
     meter.finish();
+    if pages == Pages::Chained {
+        let check = || crate::stop::check(&cancel);
+        let places = chpm_build::chain(&out, &mut tables, &places, offset, check)?;
+        chpm_build::close_up(&out, &mut tables, &places, check)?;
+    }
 
     let head = tables.encode()?;
     out.set_len(tables.file_len()?)?;

@@ -156,12 +156,12 @@ fn write_model(args: &Args, model: &Path, stop: &Stop) -> Result<u64> {
         let how = (args.pages, shown);
         return relayout::store_pages(&args.file, model, how, args.quiet, args.memory.clone(), stop);
     }
-    let packed = args.pages == Pages::Packed;
+    let (packed, chained) = (args.pages != Pages::Raw, args.pages == Pages::Chained);
     // A page is looked at: digits finer than the model's detail need not be sent.
     let positions = args.positions.unwrap_or(Positions::Auto);
     let memory = args.memory.memory().max(Bytes(MIN_MEMORY));
     let config = BuildConfig {
-        settings: Settings { packed, shown, positions, ..Settings::default() },
+        settings: Settings { packed, chained, shown, positions, ..Settings::default() },
         resources: Resources { memory, checkpoint: None, ..Resources::default() },
         ..BuildConfig::default()
     };

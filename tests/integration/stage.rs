@@ -43,6 +43,7 @@ fn any_number_of_parts_in_any_order_gives_the_bytes_of_one_process() {
     for settings in [
         SMALL,
         "--cluster-triangles 64 --pages packed --normals computed --finest-error 0.02%",
+        "--cluster-triangles 64 --pages chained --positions lattice:14",
         "--cluster-triangles 128 --boundary lock --order cache-oblivious --target-error 1% --positions lattice:14",
     ] {
         let (folder, whole) = model(settings);

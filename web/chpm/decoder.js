@@ -1,5 +1,6 @@
 // Pages expanded and checked by a worker, so that the thread of a page is free meanwhile. Bytes go there and arrays come back without being copied.
 
+import { partsAbove, placeAbove, unchain } from "./chained.js";
 import { unpack } from "./packed.js";
 import { Page, readPage } from "./page.js";
 import { expect } from "./records.js";
@@ -7,11 +8,14 @@ import { ChpmError } from "./source.js";
 import { xxh3 } from "./xxh3.js";
 import { expand } from "./zstd.js";
 
-/** The page of bytes as a file has them, checked. */
-export function decode(header, cluster, bytes, zstd = expand) {
+/** The page of bytes as a file has them, checked. `above` is what {@link partsAbove} gives of the page that a chained one rests on. */
+export function decode(header, cluster, bytes, zstd = expand, above = null) {
   const { id, pageChecksum, isPacked } = cluster;
   expect(xxh3(bytes) === pageChecksum, () => `the page of cluster ${id} is damaged: its checksum is another one`);
-  return readPage(header, cluster, isPacked ? unpack(header, cluster, bytes, zstd) : bytes);
+  const isChained = isPacked && header.isChained && placeAbove(bytes) !== null;
+  expect(!isChained || above, () => `the page of cluster ${id} rests on one that is not here`);
+  const expanded = isChained ? unchain(header, cluster, bytes, zstd, above) : isPacked ? unpack(header, cluster, bytes, zstd) : bytes;
+  return readPage(header, cluster, expanded);
 }
 
 /** The way to a worker that runs {@link answerPages}. Hand it to `open`. */
@@ -30,14 +34,18 @@ export class Decoder {
     for (const type of ["error", "messageerror"]) worker.addEventListener(type, (event) => this.#fail(event));
   }
 
-  /** Promises of the pages of clusters, of which `bytes` are there from byte `start` of the file on. Their memory is gone then. */
-  pages(header, clusters, start, bytes) {
+  /**
+   * Promises of the pages of clusters, of which `bytes` are there from byte `start` of the file on. Their memory is gone then.
+   * @param above by cluster, the page that it rests on, or none
+   */
+  pages(header, clusters, start, bytes, above = []) {
     const first = this.#count;
     this.#count += clusters.length;
     const pages = clusters.map((cluster, i) => new Promise((done, failed) => this.#asked.set(first + i, { cluster, done, failed })));
     // Whoever waits for a page gets its error; nobody may be waiting.
     pages.forEach((page) => page.catch(() => {}));
-    this.#worker.postMessage({ first, header, clusters, start, bytes }, [bytes.buffer]);
+    const parts = above.map((page) => page && partsAbove(page));
+    this.#worker.postMessage({ first, header, clusters, start, bytes, above: parts }, [bytes.buffer]);
     return pages;
   }
 
@@ -63,13 +71,13 @@ export class Decoder {
 
 /** What a worker runs: it answers a {@link Decoder}. `prepare` may put more on each page, such as arrays that a picture needs. */
 export function answerPages(scope, prepare = () => {}) {
-  scope.addEventListener("message", ({ data: { first, header, clusters, start, bytes } }) => {
+  scope.addEventListener("message", ({ data: { first, header, clusters, start, bytes, above } }) => {
     clusters.forEach((cluster, i) => {
       const at = cluster.pageOffset - start;
       try {
         // A page that is not packed is a part of what came, and that cannot go away with each.
         const own = cluster.isPacked ? bytes.subarray(at, at + cluster.pageLength) : bytes.slice(at, at + cluster.pageLength);
-        const page = decode(header, cluster, own);
+        const page = decode(header, cluster, own, expand, above[i]);
         prepare(page);
         const { cluster: _, ...parts } = page;
         const buffers = Object.values(parts).map((part) => part?.buffer).filter(Boolean);

@@ -1,7 +1,8 @@
 // A .chpm file that is somewhere else: tables come chunk by chunk and pages run by run, each checked before it is used.
 
+import { partsAbove, placeAbove } from "./chained.js";
 import { decode } from "./decoder.js";
-import { CHUNKS, CLUSTERS, GROUPS, MEMBERS, SCALARS, TEXELS, TEXTURES, expect, readCluster, readGroup, readHeader, readScalars, readSections, viewOf } from "./records.js";
+import { CHUNKS, CLUSTERS, GROUPS, MEMBERS, NONE, SCALARS, TEXELS, TEXTURES, expect, readCluster, readGroup, readHeader, readScalars, readSections, viewOf } from "./records.js";
 import { Sheets } from "./sheets.js";
 import { ChpmError, readExactly, readSound } from "./source.js";
 import { xxh3 } from "./xxh3.js";
@@ -13,6 +14,8 @@ const FIRST = 32768;
 const LONGEST_RUN = 4 << 20;
 /** So many bytes between two pages cost less than another request. */
 const NEAR = 65536;
+/** Bytes of pages that are kept for those that rest on them. */
+const MOST_KEPT = 32 << 20;
 
 /** One table of records, of which chunks are there. */
 class Table {
@@ -86,6 +89,8 @@ export class ChpmFile {
   #texels = new Map();
   #zstd;
   #decoder;
+  /** Pages that others rest on. */
+  #parents = new Map();
 
   /** @private */
   constructor(source, header, sections, tables, zstd, decoder) {
@@ -219,12 +224,23 @@ export class ChpmFile {
       const start = clusters[0].pageOffset;
       const end = clusters.at(-1).pageOffset + clusters.at(-1).pageLength;
       const bytes = await readExactly(this.#source, start, end - start, "a page", signal);
-      const here = (cluster) => () => decode(this.header, cluster, bytes.subarray(cluster.pageOffset - start, cluster.pageOffset - start + cluster.pageLength), this.#zstd);
-      const pages = this.#decoder?.isReady ? this.#decoder.pages(this.header, clusters, start, bytes) : null;
+      const own = (cluster) => bytes.subarray(cluster.pageOffset - start, cluster.pageOffset - start + cluster.pageLength);
+      const above = [];
+      for (const cluster of clusters) {
+        // What is damaged is told by the page, once it was read again.
+        const page = await this.#above(cluster, own(cluster), signal).catch((error) => {
+          if (!(error instanceof ChpmError)) throw error;
+          return null;
+        });
+        above.push(page);
+      }
+      const here = (cluster, i) => () => decode(this.header, cluster, own(cluster), this.#zstd, above[i] && partsAbove(above[i]));
+      const pages = this.#decoder?.isReady ? this.#decoder.pages(this.header, clusters, start, bytes, above) : null;
       for (const [i, cluster] of clusters.entries()) {
-        const page = await this.#soundPage(cluster, pages ? () => pages[i] : here(cluster), signal);
+        const page = await this.#soundPage(cluster, pages ? () => pages[i] : here(cluster, i), signal);
         // A worker takes its time.
         signal?.throwIfAborted();
+        if (this.header.isChained && cluster.level > 0) this.#keep(page);
         take(page);
       }
     }
@@ -244,7 +260,41 @@ export class ChpmFile {
     } catch (error) {
       if (!(error instanceof ChpmError)) throw error;
       const bytes = await readExactly(this.#source, cluster.pageOffset, cluster.pageLength, "a page", signal, true);
-      return decode(this.header, cluster, bytes, this.#zstd);
+      const above = await this.#above(cluster, bytes, signal);
+      return decode(this.header, cluster, bytes, this.#zstd, above && partsAbove(above));
+    }
+  }
+
+  /** The page that a chained one rests on, fetched if it is not here; null for any other. */
+  async #above(cluster, bytes, signal) {
+    const place = this.header.isChained && cluster.isPacked ? placeAbove(bytes) : null;
+    // What is damaged is found later, and read once more.
+    if (place === null || cluster.parentGroup === NONE) return null;
+    await this.needGroups([cluster.parentGroup], signal);
+    const group = this.group(cluster.parentGroup);
+    await this.needMembers([group], signal);
+    const id = this.coarse(group)[place];
+    if (id === undefined) return null;
+    const kept = this.#parents.get(id);
+    if (kept) {
+      this.#keep(kept);
+      return kept;
+    }
+    await this.needClusters([id], signal);
+    const { level } = this.cluster(id);
+    expect(level > cluster.level, () => `the page of cluster ${cluster.id} rests on one of its own level or below`);
+    return (await this.pages([id], signal)).get(id);
+  }
+
+  /** Keeps a page for those below; those that were used last stay. */
+  #keep(page) {
+    const { id } = page.cluster;
+    this.#parents.delete(id);
+    this.#parents.set(id, page);
+    let bytes = 0;
+    for (const [other, { positions, triangles }] of [...this.#parents].reverse()) {
+      bytes += 2 * (positions.byteLength + triangles.byteLength);
+      if (bytes > MOST_KEPT && other !== id) this.#parents.delete(other);
     }
   }
 

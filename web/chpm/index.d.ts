@@ -43,6 +43,8 @@ export function memorySource(bytes: ArrayBuffer | ArrayBufferView): Source;
 export interface Header {
   readonly versionMinor: number;
   readonly isPacked: boolean;
+  /** Whether packed pages may rest on one above, which then comes with them. */
+  readonly isChained: boolean;
   /** Whether clusters have sheets: images of their surfaces. */
   readonly hasSheets: boolean;
   readonly fileLength: number;

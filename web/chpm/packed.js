@@ -12,10 +12,10 @@ const ELSEWHERE = 33;
 const EDGES = 16;
 const VERTICES = 32;
 const [NEW, AFTER, BEFORE, MET] = [0, 1, 2, 3];
-const LATTICE = 8;
+export const LATTICE = 8;
 
 /** Open bits, the lowest of a byte first; behind the end there are zeros. */
-class Bits {
+export class Bits {
   constructor(bytes) {
     this.length = bytes.byteLength;
     this.words = new Int32Array(((this.length + 3) >>> 2) + 2);
@@ -57,7 +57,7 @@ class Bits {
 }
 
 /** The bits of the float of a number: those of what is no number stay as they are. */
-function viewOfBits(kind, places, expectIt) {
+export function viewOfBits(kind, places, expectIt) {
   if (kind === 0 && places === 0) return (number) => number ^ ((number >> 31) >>> 1);
   const view = viewOfFloats(kind, places, expectIt);
   const float = new Float32Array(1);
@@ -69,7 +69,7 @@ function viewOfBits(kind, places, expectIt) {
 }
 
 /** The float of a number, and none where a decimal view ends. */
-function viewOfFloats(kind, places, expectIt) {
+export function viewOfFloats(kind, places, expectIt) {
   if (kind === 0 && places === 0) {
     const bits = new Int32Array(1);
     const float = new Float32Array(bits.buffer);
@@ -96,7 +96,7 @@ function viewOfFloats(kind, places, expectIt) {
 }
 
 // As literals: a power that is computed need not be the nearest double.
-const TENS = [1, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22];
+export const TENS = [1, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22];
 
 /** How many triangles an edge leads to. */
 function withEdge(edges) {

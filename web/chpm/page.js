@@ -142,7 +142,9 @@ export function readPage(header, cluster, bytes) {
     errorCodes: take(Uint16Array, v - b),
     sharedBits: take(Uint8Array, Math.ceil(v / 8)),
   });
-  if (header.hasOctahedralNormals) page.normals = unfolded(take(Uint8Array, 3 * v));
+  /** Normals as the file has them, where they are of three bytes. */
+  page.octahedral = header.hasOctahedralNormals ? take(Uint8Array, 3 * v) : null;
+  if (header.hasOctahedralNormals) page.normals = unfolded(page.octahedral);
   check(header, page, what);
   return page;
 }

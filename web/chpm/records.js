@@ -24,6 +24,7 @@ const PACKED = 1;
 const OCTAHEDRAL = 2;
 const SCALARS_FLAG = 4;
 const SHEETS = 8;
+const CHAINED = 16;
 
 export function expect(is, message) {
   if (!is) throw new ChpmError(message());
@@ -53,12 +54,14 @@ export function readHeader(bytes, xxh3) {
   const sum = view.getBigUint64(248, true);
   expect(xxh3(bytes.subarray(0, 248)) === sum, () => "the header is damaged: its checksum is another one");
   const required = view.getUint32(16, true);
-  expect((required & ~(PACKED | OCTAHEDRAL | SCALARS_FLAG | SHEETS)) === 0, () => `the file uses features that this reader does not know (${required})`);
+  expect((required & ~(PACKED | OCTAHEDRAL | SCALARS_FLAG | SHEETS | CHAINED)) === 0, () => `the file uses features that this reader does not know (${required})`);
 
   const header = {
     versionMinor: view.getUint16(10, true),
     isPacked: (required & PACKED) !== 0,
     hasSheets: (required & SHEETS) !== 0,
+    /** Whether packed pages may rest on one above. */
+    isChained: (required & CHAINED) !== 0,
     fileLength: u64(view, 24),
     sectionCount: view.getUint32(32, true),
     pageAlign: view.getUint32(40, true),
@@ -85,6 +88,7 @@ export function readHeader(bytes, xxh3) {
   };
   expect(view.getUint32(12, true) === HEADER_LEN, () => "header_len is not 256");
   expect(view.getUint32(36, true) === HEADER_LEN, () => "section_table_offset is not 256");
+  expect(!header.isChained || (header.isPacked && !header.hasSheets), () => `the file has features that do not go together (${required})`);
   const isOctahedral = (required & OCTAHEDRAL) !== 0;
   const hasScalars = (required & SCALARS_FLAG) !== 0;
   const areKnown = (view.getUint32(44, true) & ~0xff07) === 0 && header.scalarWords > 0 === hasScalars && header.hasOctahedralNormals === isOctahedral && !(isOctahedral && header.hasFloatNormals);

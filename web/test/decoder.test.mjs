@@ -14,7 +14,7 @@ before(() => {
   if (skip) return;
   const source = path.join(folder, "in.ply");
   chpm("synth", "isosurface", "--triangles", "20000", "-o", source, "-f", "-q");
-  for (const [name, ...more] of [["raw"], ["packed"], ["packed", "--normals", "computed"]]) {
+  for (const [name, ...more] of [["raw"], ["packed"], ["chained"], ["packed", "--normals", "computed"]]) {
     chpm("build", source, "-o", path.join(folder, `${[name, ...more].length > 1 ? "normals" : name}.chpm`), "-f", "-q", "--pages", name, "--cluster-triangles", "512", ...more);
   }
 });
@@ -45,7 +45,7 @@ async function all(file, signal) {
   return pages;
 }
 
-for (const name of ["raw", "packed", "normals"]) {
+for (const name of ["raw", "packed", "chained", "normals"]) {
   test(`pages of a worker are those of the reader, ${name}`, { skip }, async () => {
     const { decoder, sent, end } = await worker();
     const own = await all(await open(memorySource(bytesOf(name))));

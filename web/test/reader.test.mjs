@@ -217,12 +217,12 @@ function zstd(frame, most) {
   return all.subarray(0, length);
 }
 
-/** A file with packed pages, of a model whose positions are on a lattice where that is asked for. */
-function pack(model, positions) {
+/** A file with packed or chained pages, of a model whose positions are on a lattice where that is asked for. */
+function pack(model, positions, pages = "packed") {
   const name = build(model);
-  const packed = name.replace(/chpm$/, "packed.chpm");
-  if (positions) chpm("build", name.replace(/chpm$/, "ply"), "-o", packed, "-f", "-q", "--pages", "packed", "--positions", positions, "--cluster-triangles", "256");
-  else chpm("relayout", name, "-o", packed, "-f", "-q", "--pages", "packed");
+  const packed = name.replace(/chpm$/, `${pages}.chpm`);
+  if (positions) chpm("build", name.replace(/chpm$/, "ply"), "-o", packed, "-f", "-q", "--pages", pages, "--positions", positions, "--cluster-triangles", "256");
+  else chpm("relayout", name, "-o", packed, "-f", "-q", "--pages", pages);
   return packed;
 }
 
@@ -248,6 +248,36 @@ for (const [model, positions] of [...Object.keys(MODELS).map((model) => [model])
       for (const id of ids) {
         const [{ cluster: a, ...parts }, { cluster: b, ...expected }] = [one.get(id), other.get(id)];
         assert.deepEqual(parts, expected, `page ${id}`);
+      }
+    }
+  });
+}
+
+for (const [model, positions] of [...Object.keys(MODELS).map((model) => [model]), ["terrain", "lattice:14"]]) {
+  test(`${model} ${positions ?? ""}: chained pages have the same triangles`, { skip }, async () => {
+    const [packed, name] = [pack(model, positions), pack(model, positions, "chained")];
+    const bytes = readFileSync(name);
+    assert.ok(bytes.length < readFileSync(packed).length);
+    // Of a file whose finest pages are asked for first, those above come with them.
+    for (const options of [{}, { first: 4096 }]) {
+      const [file, other] = [await open(memorySource(bytes), options), await open(memorySource(readFileSync(packed)), options)];
+      assert.ok(file.header.isChained && !other.header.isChained);
+      for (let number = 0; number < file.header.levelCount; number++) {
+        const [mesh, expected] = [await extract(file, await select(file, level(number))), await extract(other, await select(other, level(number)))];
+        assert.deepEqual(trianglesOfMesh(mesh), trianglesOfMesh(expected), `level ${number}`);
+      }
+      await file.needTables();
+      await other.needTables();
+      const ids = Array.from({ length: file.header.clusterCount }, (_, id) => id);
+      const [own, others] = [await file.pages(ids), await other.pages(ids)];
+      for (const id of ids) {
+        const { cluster, ...parts } = own.get(id);
+        const { cluster: _, ...expected } = others.get(id);
+        assert.deepEqual(parts.errorCodes, expected.errorCodes);
+        // What all vertices carry is the same, in whatever order those of the base mesh are.
+        const rows = ({ positions, normals, colors, words }) =>
+          Array.from({ length: cluster.vertexCount }, (_, v) => [[positions, 3], [normals ?? [], 3], [colors ?? [], 4], [words, words.length / cluster.vertexCount]].flatMap(([of, each]) => [...of.slice(each * v, each * v + each)]).join()).sort();
+        assert.deepEqual(rows(parts), rows(expected), `page ${id}`);
       }
     }
   });
@@ -306,8 +336,8 @@ test("both decoders of zstd read packed pages alike", { skip: skipOther }, async
   assert.deepEqual(await extract(own, await select(own, level(0))), await extract(other, await select(other, level(0))));
 });
 
-test("damaged packed pages with right checksums are survived", { skip }, async () => {
-  const whole = new Uint8Array(readFileSync(pack("colored")));
+for (const pages of ["packed", "chained"]) test(`damaged ${pages} pages with right checksums are survived`, { skip }, async () => {
+  const whole = new Uint8Array(readFileSync(pack("colored", undefined, pages)));
   const { sections } = repaired(whole.slice());
   const clusters = sections.find(({ kind }) => kind === 1);
   const next = random(13);

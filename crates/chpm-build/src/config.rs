@@ -84,6 +84,8 @@ pub struct Settings {
     pub layout: Layout,
     /// Whether pages are packed: the same bits in fewer bytes, to be unpacked when they are read.
     pub packed: bool,
+    /// Whether packed pages are chained, each told by one above, in fewer bytes again. Not with sheets, which know triangles by their order.
+    pub chained: bool,
     /// Whether positions keep all digits that singles hold, or lie on a lattice.
     pub positions: Positions,
     /// How the model is shown ([`chpm_format::shown`]), by name and value.
@@ -122,6 +124,7 @@ impl Default for Settings {
             drop_invalid: false,
             layout: Layout::VertexCache,
             packed: false,
+            chained: false,
             positions: Positions::Exact,
             shown: Vec::new(),
         }
@@ -282,6 +285,11 @@ fn length_text(length: Option<Length>) -> String {
 }
 
 impl Settings {
+    /// Whether pages are to be chained.
+    pub fn is_chained(&self) -> bool {
+        self.packed && self.chained
+    }
+
     /// The setting by which a file says that its colours are those of images.
     pub const TEXTURE: [&str; 2] = ["texture", "vertices"];
     /// The same, where clusters have sheets, too.
@@ -310,6 +318,7 @@ impl Settings {
         [
             (self.finest_error.is_some(), "--finest-error"),
             (self.layout == Layout::CacheOblivious, "--order cache-oblivious"),
+            (self.is_chained(), "--pages chained"),
         ]
         .into_iter()
         .find_map(|(is_set, name)| is_set.then_some(name))
@@ -361,7 +370,8 @@ impl Settings {
         entries.extend(self.min_component.map(|size| entry("min-component", &size)));
         entries.extend(self.scalars.all.then(|| entry("scalars", &"all")));
         entries.extend(self.scalars.names.iter().map(|name| entry("scalar", name)));
-        entries.extend(self.packed.then(|| entry("pages", &"packed")));
+        let pages = if self.is_chained() { "chained" } else { "packed" };
+        entries.extend(self.packed.then(|| entry("pages", &pages)));
         entries.extend((self.positions != Positions::Exact).then(|| entry("positions", &self.positions)));
         entries.extend(self.shown.iter().cloned());
         entries

@@ -1,5 +1,6 @@
 //! Emit: the file, published by rename when it is whole. Establishes I10 and I11.
 
+use crate::chain::{chain, close_up};
 use crate::config::Settings;
 use crate::context::Context;
 use crate::decompose::Decomposition;
@@ -13,8 +14,8 @@ use crate::simplify::Clusters;
 use crate::trim::Built;
 use chpm_extmem::AtomicFile;
 use chpm_format::{
-    ClusterRecord, ErrorKind, GroupRecord, HeaderFields, LATTICE_STEP, LevelRecord, Metadata, PACKED_ALIGN,
-    Remnant, Source as Provenance, Tables,
+    ClusterRecord, ErrorKind, GroupRecord, HeaderFields, LATTICE_STEP, LevelRecord, Metadata, Remnant,
+    Source as Provenance, Tables,
 };
 use chpm_mesh::{Aabb, Attributes, GroupId, Scalar, Sphere};
 use serde::{Deserialize, Serialize};
@@ -127,6 +128,7 @@ impl<'a> Output<'a> {
                 shared_vertex_count: shared,
                 origin: facts.origin,
                 packed: settings.packed,
+                chained: settings.is_chained(),
                 chunked: true,
             },
             clusters: order.iter().map(placed).collect(),
@@ -158,35 +160,24 @@ impl<'a> Output<'a> {
         Ok(self.out.write_all_at(payload, self.tables.clusters[place].page_offset)?)
     }
 
-    /// Moves packed pages together: before they were packed, only their full lengths were known. None comes to lie on one that has not been moved.
-    fn close_up(&mut self, places: &[u64], context: &Context<'_>) -> Result<(), BuildError> {
-        self.len = self.tables.assign_offsets()?;
-        let mut page = Vec::new();
-        for (record, place) in self.tables.clusters.iter().zip(places) {
-            context.check()?;
-            page.resize(record.page_len as usize, 0);
-            self.out.read_exact_at(&mut page, *place)?;
-            // What was there before must not show between pages.
-            page.resize(page.len().next_multiple_of(PACKED_ALIGN as usize), 0);
-            self.out.write_all_at(&page, record.page_offset)?;
-        }
-        Ok(self.out.set_len(self.len)?)
-    }
-
     /// Writes the tables and publishes the file.
     pub(crate) fn finish(
         mut self,
         records: Vec<(ClusterRecord, Vec<Remnant>)>,
         context: &Context<'_>,
     ) -> Result<Written, BuildError> {
-        let places: Vec<u64> = self.tables.clusters.iter().map(|record| record.page_offset).collect();
+        let mut places: Vec<u64> = self.tables.clusters.iter().map(|record| record.page_offset).collect();
         self.tables.remnants.clear();
         for (cluster, (_, remnants)) in (0..).zip(&records) {
             self.tables.remnants.extend(remnants.iter().map(|remnant| Remnant { cluster, ..*remnant }));
         }
         self.tables.clusters = records.into_iter().map(|(record, _)| record).collect();
+        let check = || context.check();
+        if self.tables.header.chained {
+            places = chain(&self.out, &mut self.tables, &places, self.len, check)?;
+        }
         if self.tables.header.packed {
-            self.close_up(&places, context)?;
+            self.len = close_up(&self.out, &mut self.tables, &places, check)?;
         }
         nest(&mut self.tables, self.order, self.tree);
         let roots = self.tables.clusters.iter().filter(|c| c.is_root()).count() as u32;

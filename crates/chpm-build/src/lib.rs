@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 mod allowance;
+mod chain;
 mod checkpoint;
 mod clock;
 pub mod config;
@@ -34,6 +35,7 @@ mod trim;
 mod vertex_columns;
 
 pub use allowance::MIN_MEMORY;
+pub use chain::{chain, close_up};
 pub use chpm_extmem::{Cancel, FailPoints, Progress, Silent};
 pub use config::{BuildConfig, Keep, Resources, Settings};
 pub use error::BuildError;

@@ -12,7 +12,7 @@ pub const MAGIC: [u8; 8] = [0x89, b'C', b'H', b'P', b'M', 0x0d, 0x0a, 0x1a];
 /// Major version that this crate reads and writes.
 pub const VERSION_MAJOR: u16 = 1;
 /// The last minor version that this crate knows. It writes the first that has all that a file needs.
-pub const VERSION_MINOR: u16 = 6;
+pub const VERSION_MINOR: u16 = 7;
 /// Required flag: pages may be packed, and lie at multiples of [`PACKED_ALIGN`].
 pub const PACKED_PAGES: u32 = 1;
 /// Required flag: vertices have normals of three bytes.
@@ -21,6 +21,8 @@ pub const OCTAHEDRAL_NORMALS: u32 = 2;
 pub const NAMED_SCALARS: u32 = 4;
 /// Required flag: clusters have sheets.
 pub const SHEETS: u32 = 8;
+/// Required flag: packed pages may be chained, each to one above.
+pub const CHAINED_PAGES: u32 = 16;
 /// Length of the header, bytes.
 pub const HEADER_LEN: usize = 256;
 
@@ -36,7 +38,7 @@ pub struct Header {
     pub version_minor: u16,
     /// [`HEADER_LEN`].
     pub header_len: u32,
-    /// Features that a reader must know: [`PACKED_PAGES`], [`OCTAHEDRAL_NORMALS`], [`NAMED_SCALARS`], [`SHEETS`].
+    /// Features that a reader must know: [`PACKED_PAGES`], [`OCTAHEDRAL_NORMALS`], [`NAMED_SCALARS`], [`SHEETS`], [`CHAINED_PAGES`].
     pub required_flags: u32,
     /// Features that a reader may ignore; none are defined.
     pub optional_flags: u32,
@@ -190,6 +192,11 @@ impl Header {
         self.required_flags & PACKED_PAGES != 0
     }
 
+    /// Whether packed pages may be chained: told by a page above.
+    pub fn is_chained(&self) -> bool {
+        self.required_flags & CHAINED_PAGES != 0
+    }
+
     /// Whether clusters have sheets: images of their surface.
     pub fn has_sheets(&self) -> bool {
         self.required_flags & SHEETS != 0
@@ -235,7 +242,8 @@ impl Header {
             return Err(FormatError::Checksum { place, expected: found, got: expected });
         }
 
-        let unknown = self.required_flags & !(PACKED_PAGES | OCTAHEDRAL_NORMALS | NAMED_SCALARS | SHEETS);
+        let unknown = self.required_flags
+            & !(PACKED_PAGES | OCTAHEDRAL_NORMALS | NAMED_SCALARS | SHEETS | CHAINED_PAGES);
         if unknown != 0 {
             return Err(FormatError::Feature { place, got: unknown });
         }
@@ -248,6 +256,9 @@ impl Header {
         }
         require_eq(place, "file_len", got, self.file_len)?;
 
+        // Chained pages are packed, and have triangles in an order that no sheet knows.
+        let alone = !self.is_chained() || self.is_packed() && !self.has_sheets();
+        require(alone, place, "required_flags", "16 with 1 and without 8", self.required_flags)?;
         let attributes = attributes_of(self.attributes);
         require(attributes.is_some(), place, "attributes", ATTRIBUTE_BITS, self.attributes)?;
         let flagged = self.required_flags & OCTAHEDRAL_NORMALS != 0;

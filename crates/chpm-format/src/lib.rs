@@ -57,6 +57,7 @@ pub mod metadata;
 pub mod packed;
 pub mod page;
 pub mod page_buf;
+mod parents;
 pub mod parts;
 pub mod reader;
 pub mod records;

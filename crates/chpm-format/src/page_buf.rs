@@ -36,6 +36,31 @@ impl PageBuf<'_> {
         Self::in_words(words, len)
     }
 
+    /// Unpacks a chained page of `len` bytes, which rests on the finest mesh of another.
+    pub(crate) fn unchained(chained: &[u8], len: u64, parent: &Page<'_>) -> Result<Self, FormatError> {
+        let len = len as usize;
+        let mut words = vec![0; len.div_ceil(size_of::<u32>())];
+        let bytes = &mut bytemuck::cast_slice_mut(&mut words)[..len];
+        packed::unchain(chained, parent, bytes)?;
+        Self::in_words(words, len)
+    }
+
+    /// Bytes of memory of its own.
+    pub(crate) fn own_len(&self) -> usize {
+        match &self.0 {
+            Kept::InPlace(_) => 0,
+            Kept::Own(words, _) => size_of_val(&words[..]),
+        }
+    }
+
+    /// The page in memory of its own. `bytes` are those of one that lies in place.
+    pub(crate) fn to_own(&self, bytes: &[u8]) -> Result<PageBuf<'static>, FormatError> {
+        let bytes = self.bytes_or(bytes);
+        let mut words = vec![0; bytes.len().div_ceil(size_of::<u32>())];
+        bytemuck::cast_slice_mut(&mut words)[..bytes.len()].copy_from_slice(bytes);
+        PageBuf::in_words(words, bytes.len())
+    }
+
     /// A page in words, of which it has `len` bytes.
     pub(crate) fn in_words(words: Vec<u32>, len: usize) -> Result<Self, FormatError> {
         Page::view(&bytemuck::cast_slice(&words)[..len])?;

@@ -1,12 +1,14 @@
 //! Opening a file that is in memory, and reading it in place.
 
 use crate::MEMORY_ALIGN;
-use crate::error::{FilePart, FormatError, require, require_eq};
+use crate::error::{FilePart, FormatError, invalid, require, require_eq};
 use crate::gaps::Gaps;
 use crate::header::{Header, attribute_bits};
 use crate::metadata::Metadata;
+use crate::packed;
 use crate::page::Page;
 use crate::page_buf::PageBuf;
+use crate::parents::{Parent, Parents, Step};
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
 use crate::remnant::{self, Remnant};
 use crate::scalars;
@@ -15,6 +17,7 @@ use crate::sheet::{self, Sheet, SheetRecord};
 use crate::structure::{Structure, member_range, place_pages};
 use bytemuck::Pod;
 use chpm_mesh::{ClusterId, GroupId, Scalar};
+use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -31,6 +34,7 @@ pub struct Chpm<D> {
     on_page: fn(&D, u64),
     /// A bit for each cluster: whether its page has been found to be what was written.
     intact: Arc<[AtomicU64]>,
+    parents: Arc<Parents>,
 }
 
 impl<D: AsRef<[u8]>> Chpm<D> {
@@ -54,7 +58,8 @@ impl<D: AsRef<[u8]>> Chpm<D> {
             sections.count(SectionKind::Scalars),
             header.attributes().scalar_words,
         )?;
-        let file = Chpm { data, header, sections, scalars, on_page: |_, _| (), intact };
+        let parents = Arc::default();
+        let file = Chpm { data, header, sections, scalars, on_page: |_, _| (), intact, parents };
         file.structure().check()?;
         if file.has_remnants() {
             remnant::check(file.remnants(), file.clusters())?;
@@ -361,17 +366,82 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     }
 
     fn loaded<'b>(&self, id: ClusterId, bytes: &'b [u8]) -> Result<PageBuf<'b>, FormatError> {
-        let page = if self.is_packed(id) {
-            PageBuf::unpacked(bytes, self.page_len(id))
-        } else {
-            Page::view(bytes).map(PageBuf::from)
+        if !self.is_packed(id) {
+            return Page::view(bytes).map(PageBuf::from).map_err(|error| error.in_page(id));
+        }
+        let page = match self.above(id, bytes)? {
+            None => PageBuf::unpacked(bytes, self.page_len(id)),
+            Some(parent) => match self.parents.get(id) {
+                Some(known) => known.to_own(&[]),
+                None => PageBuf::unchained(bytes, self.page_len(id), &self.parent(parent)?.view()),
+            },
         };
         page.map_err(|error| error.in_page(id))
     }
 
+    /// The cluster whose page a chained one is told by: one of those that it replaces.
+    ///
+    /// # Errors
+    /// A page that names none of them.
+    ///
+    /// # Panics
+    /// As [`Chpm::coarse`].
+    pub fn above(&self, id: ClusterId, bytes: &[u8]) -> Result<Option<ClusterId>, FormatError> {
+        let place = self.is_packed(id) && self.header.is_chained();
+        let Some(place) = place.then(|| packed::parent_place(bytes)).flatten() else { return Ok(None) };
+        let record = &self.clusters()[id.index()];
+        let coarse = if record.is_root() { &[] } else { self.coarse(record.parent_group()) };
+        chosen(id, place, coarse.iter().copied().map(ClusterId)).map(Some)
+    }
+
+    /// The page of a cluster that others rest on.
+    fn parent(&self, id: ClusterId) -> Result<Parent, FormatError> {
+        let step = |(): &mut (), id| {
+            let bytes = self.intact_bytes(id)?;
+            Ok(match self.above(id, bytes)? {
+                Some(parent) => Step::On(parent, Cow::Borrowed(bytes)),
+                None => Step::Whole(Arc::new(self.page_of(id, bytes)?.to_own(bytes)?)),
+            })
+        };
+        self.parents.page(id, &mut (), step, |(), id, bytes, parent| {
+            let page = PageBuf::unchained(bytes, self.page_len(id), &parent.view());
+            let page = page.map_err(|error| error.in_page(id))?;
+            check_page(&self.header, id, &self.clusters()[id.index()], &page.view())?;
+            Ok(page)
+        })
+    }
+
+    /// Bits of a cluster's page as it is stored, by what they are for, in the order of [`packed::PARTS`]. Those of a packed page are found by packing it once more.
+    ///
+    /// # Errors
+    /// As [`Chpm::page`].
+    ///
+    /// # Panics
+    /// As [`Chpm::coarse`].
+    pub fn page_sizes(
+        &self,
+        id: ClusterId,
+        page: &PageBuf<'_>,
+    ) -> Result<[u64; packed::PARTS.len()], FormatError> {
+        if !self.is_packed(id) {
+            return Ok(page.view().sizes());
+        }
+        let raw = page.bytes_or(&[]);
+        let chained = match self.above(id, self.intact_bytes(id)?)? {
+            Some(parent) => packed::chained_sizes(raw, &self.parent(parent)?.view())?,
+            None => None,
+        };
+        chained.map_or_else(|| packed::sizes(raw), Ok)
+    }
+
     fn page_of<'b>(&self, id: ClusterId, bytes: &'b [u8]) -> Result<PageBuf<'b>, FormatError> {
         let loaded = self.loaded(id, bytes)?;
-        check_page(&self.header, id, &self.clusters()[id.index()], &loaded.view())?;
+        let record = &self.clusters()[id.index()];
+        check_page(&self.header, id, record, &loaded.view())?;
+        // Whoever reads a page goes on to those below, more often than not.
+        if self.header.is_chained() && !self.groups()[record.group().index()].is_leaf() {
+            self.parents.keep(id, || loaded.to_own(bytes))?;
+        }
         Ok(loaded)
     }
 
@@ -397,6 +467,17 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         check_sum(FilePart::Page(id), self.clusters()[id.index()].page_checksum, bytes)?;
         self.page_of(id, bytes)
     }
+}
+
+/// The cluster at a place among those that a chained page may rest on.
+pub(crate) fn chosen(
+    id: ClusterId,
+    place: u16,
+    mut coarse: impl ExactSizeIterator<Item = ClusterId>,
+) -> Result<ClusterId, FormatError> {
+    let below = format!("below {}", coarse.len());
+    let parent = coarse.nth(place.into());
+    parent.ok_or_else(|| invalid(FilePart::Page(id), "place of the page above", below, place))
 }
 
 /// Checks a page and compares it with its record.

@@ -6,17 +6,21 @@
 use crate::chunks::{self, CHUNKED};
 use crate::error::{FilePart, FormatError, require, require_eq};
 use crate::header::Header;
+use crate::packed;
 use crate::page_buf::PageBuf;
-use crate::reader::check_page;
+use crate::parents::{Parents, Step};
+use crate::reader::{check_page, chosen};
 use crate::records::{ClusterRecord, GroupRecord};
 use crate::scalars;
 use crate::section::{SectionKind, Sections, check_sum, table_range};
 use crate::structure::{check_cluster, check_group, member_range};
 use bytemuck::Pod;
 use chpm_mesh::{ClusterId, GroupId, Scalar};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Bytes that are read first: they hold the header, the list of chunks and, unless the file is very large, the records of the coarsest clusters.
 pub const FIRST_BYTES: u64 = 32 << 10;
@@ -30,6 +34,7 @@ pub struct RemoteChpm<R> {
     chunked: bool,
     scalars: Vec<Scalar>,
     tables: [Table; 3],
+    parents: Arc<Parents>,
 }
 
 #[derive(Clone, Debug)]
@@ -141,7 +146,7 @@ impl<R: FnMut(u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
             check_sum(FilePart::Section(kind), sections.checksum(kind), &list)?;
             scalars = scalars::decode(&list, sections.count(kind), header.attributes().scalar_words)?;
         }
-        Ok(RemoteChpm { source, header, sections, chunked, scalars, tables })
+        Ok(RemoteChpm { source, header, sections, chunked, scalars, tables, parents: Arc::default() })
     }
 
     /// The header.
@@ -258,11 +263,27 @@ impl<R: FnMut(u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
         Ok(members)
     }
 
-    /// A cluster's page, its checksum and its structure checked.
+    /// A cluster's page, its checksum and its structure checked. A chained page takes those above it, each of which is read if it is not here.
     ///
     /// # Errors
     /// As [`RemoteChpm::cluster`], and as [`crate::Chpm::page_checked`].
     pub fn page(&mut self, id: ClusterId) -> Result<PageBuf<'static>, FormatError> {
+        let parents = Arc::clone(&self.parents);
+        let parent = match self.step(id)? {
+            Step::Whole(page) => return page.to_own(&[]),
+            Step::On(parent, bytes) => (parents.page(parent, self, Self::step, Self::unchain)?, bytes),
+        };
+        let (parent, bytes) = parent;
+        let page = self.unchain(id, &bytes, &parent)?;
+        let group = self.cluster(id)?.group();
+        if !self.group(group)?.is_leaf() {
+            parents.keep(id, || page.to_own(&[]))?;
+        }
+        Ok(page)
+    }
+
+    /// A page that rests on no other, or the bytes of one that does.
+    fn step(&mut self, id: ClusterId) -> Result<Step<'static>, FormatError> {
         let record = self.cluster(id)?;
         let (place, len) = (FilePart::Page(id), record.page_len as usize);
         // A page is read in place and needs the alignment of words.
@@ -270,12 +291,33 @@ impl<R: FnMut(u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
         let bytes = &mut bytemuck::cast_slice_mut(&mut words)[..len];
         self.source.fill(record.page_offset as usize, bytes)?;
         check_sum(place, record.page_checksum, bytes)?;
-        let page = if self.header.is_packed() && record.flags & ClusterRecord::PACKED != 0 {
+        let is_packed = self.header.is_packed() && record.flags & ClusterRecord::PACKED != 0;
+        let parent = is_packed && self.header.is_chained();
+        if let Some(parent) = parent.then(|| packed::parent_place(bytes)).flatten() {
+            let bytes = bytes.to_vec();
+            let coarse = if record.is_root() { Vec::new() } else { self.coarse(record.parent_group())? };
+            return Ok(Step::On(chosen(id, parent, coarse.into_iter())?, Cow::Owned(bytes)));
+        }
+        let page = if is_packed {
             PageBuf::unpacked(bytes, record.unpacked_len(self.header.attributes()))
         } else {
             PageBuf::in_words(words, len)
         };
         let page = page.map_err(|error| error.in_page(id))?;
+        check_page(&self.header, id, &record, &page.view())?;
+        Ok(Step::Whole(Arc::new(page)))
+    }
+
+    /// The page of a chained one's bytes.
+    fn unchain(
+        &mut self,
+        id: ClusterId,
+        bytes: &[u8],
+        parent: &PageBuf<'_>,
+    ) -> Result<PageBuf<'static>, FormatError> {
+        let record = self.cluster(id)?;
+        let len = record.unpacked_len(self.header.attributes());
+        let page = PageBuf::unchained(bytes, len, &parent.view()).map_err(|error| error.in_page(id))?;
         check_page(&self.header, id, &record, &page.view())?;
         Ok(page)
     }

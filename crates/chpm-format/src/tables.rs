@@ -4,8 +4,8 @@ use crate::chunks::{self, CHUNKED};
 use crate::error::{FilePart, FormatError, invalid, require, require_eq};
 use crate::gaps::Gaps;
 use crate::header::{
-    BoundaryMode, ErrorKind, HEADER_LEN, Header, MAGIC, NAMED_SCALARS, OCTAHEDRAL_NORMALS, PACKED_PAGES,
-    SHEETS, VERSION_MAJOR, page_align,
+    BoundaryMode, CHAINED_PAGES, ErrorKind, HEADER_LEN, Header, MAGIC, NAMED_SCALARS, OCTAHEDRAL_NORMALS,
+    PACKED_PAGES, SHEETS, VERSION_MAJOR, page_align,
 };
 use crate::metadata::Metadata;
 use crate::reader::Chpm;
@@ -36,6 +36,8 @@ pub struct HeaderFields {
     pub origin: [f64; 3],
     /// Pages may be packed.
     pub packed: bool,
+    /// Packed pages may be chained.
+    pub chained: bool,
     /// Chunks of the tables have checksums of their own, for [`crate::RemoteChpm`]. The roots must then be the first clusters.
     pub chunked: bool,
 }
@@ -48,6 +50,7 @@ impl HeaderFields {
             (self.packed, PACKED_PAGES),
             (octahedral, OCTAHEDRAL_NORMALS),
             (scalar_words > 0, NAMED_SCALARS),
+            (self.chained, CHAINED_PAGES),
         ];
         let flags = flags.into_iter().filter(|(is_needed, _)| *is_needed).map(|(_, flag)| flag).sum();
         match () {
@@ -101,6 +104,7 @@ impl Tables {
                 shared_vertex_count: header.shared_vertex_count,
                 origin: header.origin,
                 packed: header.is_packed(),
+                chained: header.is_chained(),
                 chunked: file.is_chunked(),
             },
             clusters: file.clusters().to_vec(),
@@ -278,6 +282,9 @@ impl Tables {
         }
         if !self.sheets.is_empty() {
             (required_flags, version_minor) = (required_flags | SHEETS, 6);
+        }
+        if self.header.chained {
+            version_minor = 7;
         }
 
         Ok(Header {

@@ -147,7 +147,8 @@ fn lay_out<'a>(
 
     // Pages that packing does not make shorter stay as they are.
     packed.clear();
-    if !(settings.packed && packed::pack(page, packed)?) {
+    // What is to be chained is so when all pages are there.
+    if settings.is_chained() || !(settings.packed && packed::pack(page, packed)?) {
         return Ok((record, remnants, page));
     }
     record.flags |= ClusterRecord::PACKED;

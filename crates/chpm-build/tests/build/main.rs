@@ -1,6 +1,7 @@
 //! The pipeline as a whole: meshes go in as PLY files, and the files that come out are looked at from outside.
 
 mod bytes;
+mod chained;
 mod groups;
 mod lattice;
 mod looks;

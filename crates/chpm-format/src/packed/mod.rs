@@ -5,15 +5,18 @@
 
 mod around;
 mod bits;
+mod chained;
 mod connect;
 mod follow;
 mod pack;
+mod streams;
 mod unpack;
 mod view;
 
 use crate::error::{FilePart, FormatError, invalid};
 pub use crate::page::PARTS;
 use crate::page::{PAGE_HEADER_LEN, Page, PageHeader};
+pub use chained::{CHAINED_MAGIC, Chained, chain, chained_sizes, parent_place, unchain};
 use chpm_mesh::{Attributes, ClusterId};
 use pack::Packer;
 use std::cell::RefCell;

@@ -3,6 +3,7 @@
 use super::around::{Around, NEIGHBORS};
 use super::bits::{BitWriter, put_difference};
 use super::connect::Writer;
+use super::streams::{Part, Written};
 use super::view::View;
 use super::{
     ELSEWHERE, HEAD_LEN, KEPT, LEAST_FIRST, PACKED_MAGIC, PARTS, TOLD, across, arrays, index_len, middle,
@@ -10,37 +11,15 @@ use super::{
 use crate::page::Page;
 use chpm_mesh::Attributes;
 use std::io;
-use zstd::stream::raw::{CParameter, Encoder, InBuffer, Operation, OutBuffer};
-
-/// Higher ones find next to nothing more in symbols.
-const LEVEL: i32 = 1;
-
-/// The end of a stream.
-#[derive(Clone, Copy, Default)]
-struct Part {
-    symbols: usize,
-    bits: u64,
-    written: usize,
-}
 
 /// Buffers of packing, kept from page to page.
 pub(super) struct Packer {
     writer: Writer,
     walk_bits: BitWriter,
     bits: BitWriter,
-    symbols: Vec<u8>,
-    /// Where zstd begins anew, with statistics of its own; the open bits up to there; the bytes that zstd had written.
-    parts: Vec<Part>,
+    streams: Written,
     numbers: Vec<u32>,
     around: Around,
-    zstd: Encoder<'static>,
-}
-
-/// Short repetitions in symbols are chance, and take longer to decode than they save.
-fn encoder() -> io::Result<Encoder<'static>> {
-    let mut encoder = Encoder::new(LEVEL)?;
-    encoder.set_parameter(CParameter::MinMatch(7))?;
-    Ok(encoder)
 }
 
 impl Packer {
@@ -49,25 +28,22 @@ impl Packer {
             writer: Writer::default(),
             walk_bits: BitWriter::default(),
             bits: BitWriter::default(),
-            symbols: Vec::new(),
-            parts: Vec::new(),
+            streams: Written::new()?,
             numbers: Vec::new(),
             around: Around::new(),
-            zstd: encoder()?,
         })
     }
 
     pub(super) fn pack(&mut self, raw: &[u8], page: &Page<'_>, out: &mut Vec<u8>) -> io::Result<()> {
-        self.symbols.clear();
-        self.parts.clear();
+        self.streams.clear();
         self.walk_bits.clear();
         self.bits.clear();
         self.writer.write(page.triangles, page.vertex_count(), &mut self.walk_bits);
         self.put_order(page.base_vertex_count);
         let written = &self.writer.symbols;
         for stream in [&written.edges, &written.turns, &written.corners] {
-            self.symbols.extend_from_slice(stream);
-            self.parts.push(Part { symbols: self.symbols.len(), bits: self.bits.count(), written: 0 });
+            self.streams.symbols.extend_from_slice(stream);
+            self.streams.end(self.bits.count());
         }
         let view = self.put_positions(page.positions);
         if !page.normals.is_empty() {
@@ -98,12 +74,12 @@ impl Packer {
         debug_assert_eq!(out.len() - head, HEAD_LEN);
         out.extend_from_slice(&self.walk_bits.bytes);
         out.extend_from_slice(&self.bits.bytes);
-        self.compress(out)
+        self.streams.compress(out)
     }
 
     /// Ends a stream of symbols.
     fn end_part(&mut self) {
-        self.parts.push(Part { symbols: self.symbols.len(), bits: self.bits.count(), written: 0 });
+        self.streams.end(self.bits.count());
     }
 
     /// Bits of the page that was packed last, by [`PARTS`].
@@ -112,7 +88,7 @@ impl Packer {
         let arrays = arrays(attributes).map(|_| 6);
         let kinds = [2, 1, 1, 1, 0].into_iter().chain(arrays).chain([3, 4, 5, 5]);
         let mut before = Part::default();
-        for (part, kind) in self.parts.iter().zip(kinds) {
+        for (part, kind) in self.streams.parts.iter().zip(kinds) {
             sizes[kind] += part.bits - before.bits + 8 * (part.written - before.written) as u64;
             before = *part;
         }
@@ -128,11 +104,11 @@ impl Packer {
         for vertex in self.writer.order.iter().copied().map(u32::from) {
             match vertex.checked_sub(base as u32) {
                 Some(index) => {
-                    self.symbols.push(ELSEWHERE);
+                    self.streams.symbols.push(ELSEWHERE);
                     self.bits.put(index, len);
                 }
                 None => {
-                    put_difference(vertex.wrapping_sub(next), &mut self.symbols, &mut self.bits);
+                    put_difference(vertex.wrapping_sub(next), &mut self.streams.symbols, &mut self.bits);
                     next = vertex + 1;
                 }
             }
@@ -163,7 +139,7 @@ impl Packer {
             for i in 0..N {
                 put_difference(
                     own[i].wrapping_sub(guess(a[i], b[i], c[i])),
-                    &mut self.symbols,
+                    &mut self.streams.symbols,
                     &mut self.bits,
                 );
             }
@@ -178,7 +154,7 @@ impl Packer {
             let column = page.scalars.chunks_exact(words).map(|row| f32::from_bits(row[word]));
             let numbers: Vec<f32> = column.collect();
             let view = View::of(&numbers);
-            self.symbols.extend_from_slice(&view.bytes());
+            self.streams.symbols.extend_from_slice(&view.bytes());
             self.put_array(numbers.iter().map(|x| [view.integer(*x).unwrap_or_default()]), middle);
         }
     }
@@ -190,12 +166,12 @@ impl Packer {
 
         for (vertex, to) in (page.base_vertex_count..).zip(page.targets) {
             if let Some(place) = self.around.of(vertex).iter().position(|next| next == to) {
-                self.symbols.push(place as u8);
+                self.streams.symbols.push(place as u8);
                 continue;
             }
             let difference = u32::from(ranks[usize::from(*to)]).wrapping_sub(ranks[vertex].into());
-            put_difference(difference, &mut self.symbols, &mut self.bits);
-            if let Some(symbol) = self.symbols.last_mut() {
+            put_difference(difference, &mut self.streams.symbols, &mut self.bits);
+            if let Some(symbol) = self.streams.symbols.last_mut() {
                 *symbol += NEIGHBORS as u8;
             }
         }
@@ -204,46 +180,18 @@ impl Packer {
 
         let mut last = 0;
         for code in page.error_codes.iter().rev().copied().map(u32::from) {
-            put_difference(code.wrapping_sub(last), &mut self.symbols, &mut self.bits);
+            put_difference(code.wrapping_sub(last), &mut self.streams.symbols, &mut self.bits);
             last = code;
         }
         self.end_part();
         let mut last = 0;
         for id in page.shared_ids {
-            put_difference(id.wrapping_sub(last), &mut self.symbols, &mut self.bits);
+            put_difference(id.wrapping_sub(last), &mut self.streams.symbols, &mut self.bits);
             last = *id;
         }
         self.end_part();
 
-        self.symbols.extend_from_slice(page.shared_bits);
+        self.streams.symbols.extend_from_slice(page.shared_bits);
         self.end_part();
-    }
-
-    fn compress(&mut self, out: &mut Vec<u8>) -> io::Result<()> {
-        let (start, total) = (out.len(), self.symbols.len());
-        out.resize(start + zstd::zstd_safe::compress_bound(total) + 64 * self.parts.len(), 0);
-        self.zstd.reinit()?;
-        self.zstd.set_pledged_src_size(Some(total as u64))?;
-        let mut buffer = OutBuffer::around(&mut out[start..]);
-
-        let mut from = 0;
-        let last = self.parts.len() - 1;
-        for (index, part) in self.parts.iter_mut().enumerate() {
-            let mut input = InBuffer::around(&self.symbols[from..part.symbols]);
-            while input.pos() < part.symbols - from {
-                self.zstd.run(&mut input, &mut buffer)?;
-            }
-            from = part.symbols;
-            if index < last {
-                while self.zstd.flush(&mut buffer)? > 0 {}
-            } else {
-                while self.zstd.finish(&mut buffer, true)? > 0 {}
-            }
-            part.written = buffer.pos();
-        }
-
-        let len = buffer.pos();
-        out.truncate(start + len);
-        Ok(())
     }
 }

@@ -4,6 +4,7 @@ use super::around::NEIGHBORS;
 use super::bits::{BitReader, difference_of, unfold};
 use super::connect::{NONE, corners_told};
 use super::follow::Follower;
+use super::streams::Streams;
 use super::view::{View, turned};
 use super::{
     Damage, ELSEWHERE, HEAD_LEN, KEPT, LEAST_FIRST, PACKED_MAGIC, PLACE, TOLD, VIEW_SYMBOLS, across,
@@ -58,7 +59,7 @@ impl Unpacker {
         let (bits, frame) = rest.split_at_checked(len(1)).ok_or(Damage("open bits within the page"))?;
         let (mut walk_bits, mut bits) = (BitReader::new(walk_bits), BitReader::new(bits));
         let mut symbols = mem::take(&mut self.symbols);
-        self.expand(frame, most_symbols(&header, attributes), &mut symbols)?;
+        expand(&mut self.zstd, frame, most_symbols(&header, attributes), &mut symbols)?;
         let mut streams = Streams(&symbols);
 
         let (head, body) = raw.split_at_mut(PAGE_HEADER_LEN);
@@ -90,10 +91,10 @@ impl Unpacker {
         }
         walk_bits.finish()?;
         self.read_array::<3>(streams.next(3 * v)?, across, &mut bits);
-        self.put_floats(positions, view)?;
+        put_floats(&self.numbers, positions, view)?;
         if attributes.normals {
             self.read_array::<3>(streams.next(3 * v)?, middle, &mut bits);
-            self.put_floats(normals, View::Binary)?;
+            put_floats(&self.numbers, normals, View::Binary)?;
         }
         if attributes.octahedral {
             self.read_array::<2>(streams.next(2 * v)?, middle, &mut bits);
@@ -120,11 +121,9 @@ impl Unpacker {
             *id = last.to_le_bytes();
         }
         body.copy_from_slice(streams.next(v.div_ceil(8))?);
-        let all = streams.0.is_empty();
+        let all = streams.finish();
         self.symbols = symbols;
-        if !all {
-            return Err(Damage("no more symbols than the page has").into());
-        }
+        all?;
         Ok(bits.finish()?)
     }
 
@@ -136,16 +135,6 @@ impl Unpacker {
         }
         header.magic = crate::page::PAGE_MAGIC;
         Ok(header)
-    }
-
-    fn expand(&mut self, frame: &[u8], most: usize, symbols: &mut Vec<u8>) -> Result<(), FormatError> {
-        symbols.clear();
-        symbols.reserve(most);
-        let expanded = self.zstd.decompress_to_buffer(frame, symbols);
-        expanded.map_err(|error| {
-            invalid(PLACE, "packed page", "a frame of zstd that holds its symbols", error)
-        })?;
-        Ok(())
     }
 
     fn read_order(&mut self, symbols: &[u8], base: usize, bits: &mut BitReader<'_>) -> Result<(), Damage> {
@@ -195,27 +184,6 @@ impl Unpacker {
         }
     }
 
-    fn put_floats(&self, out: &mut [u8], view: View) -> Result<(), Damage> {
-        let out: &mut [[u8; 4]] = out.as_chunks_mut().0;
-        if let View::Lattice { .. } = view {
-            // A loop of its own for each view.
-            for (number, bytes) in self.numbers.iter().zip(out) {
-                *bytes = view.float(*number).unwrap_or_default().to_le_bytes();
-            }
-            return Ok(());
-        }
-        if view == View::Binary {
-            for (number, bytes) in self.numbers.iter().zip(out) {
-                *bytes = turned(*number).to_le_bytes();
-            }
-            return Ok(());
-        }
-        for (number, bytes) in self.numbers.iter().zip(out) {
-            *bytes = view.float(*number).ok_or(Damage("a decimal number within bounds"))?.to_le_bytes();
-        }
-        Ok(())
-    }
-
     /// The words of scalars, one array after the other.
     fn read_scalars(
         &mut self,
@@ -259,16 +227,44 @@ impl Unpacker {
     }
 }
 
-/// Streams of symbols that follow one another.
-struct Streams<'a>(&'a [u8]);
-
-impl<'a> Streams<'a> {
-    fn next(&mut self, len: usize) -> Result<&'a [u8], Damage> {
-        self.0.split_off(..len).ok_or(Damage("as many symbols as the page has numbers"))
-    }
+/// Splits off what the caller knows to be there.
+pub(super) fn take<'a>(bytes: &mut &'a mut [u8], len: usize) -> &'a mut [u8] {
+    bytes.split_off_mut(..len).unwrap_or_default()
 }
 
-/// Splits off what the caller knows to be there.
-fn take<'a>(bytes: &mut &'a mut [u8], len: usize) -> &'a mut [u8] {
-    bytes.split_off_mut(..len).unwrap_or_default()
+/// Writes the floats of numbers.
+pub(super) fn put_floats(numbers: &[u32], out: &mut [u8], view: View) -> Result<(), Damage> {
+    let out: &mut [[u8; 4]] = out.as_chunks_mut().0;
+    if let View::Lattice { .. } = view {
+        // A loop of its own for each view.
+        for (number, bytes) in numbers.iter().zip(out) {
+            *bytes = view.float(*number).unwrap_or_default().to_le_bytes();
+        }
+        return Ok(());
+    }
+    if view == View::Binary {
+        for (number, bytes) in numbers.iter().zip(out) {
+            *bytes = turned(*number).to_le_bytes();
+        }
+        return Ok(());
+    }
+    for (number, bytes) in numbers.iter().zip(out) {
+        *bytes = view.float(*number).ok_or(Damage("a decimal number within bounds"))?.to_le_bytes();
+    }
+    Ok(())
+}
+
+/// Expands a frame of symbols, `most` at most.
+pub(super) fn expand(
+    zstd: &mut zstd::bulk::Decompressor<'static>,
+    frame: &[u8],
+    most: usize,
+    symbols: &mut Vec<u8>,
+) -> Result<(), FormatError> {
+    symbols.clear();
+    symbols.reserve(most);
+    let expanded = zstd.decompress_to_buffer(frame, symbols);
+    expanded
+        .map_err(|error| invalid(PLACE, "packed page", "a frame of zstd that holds its symbols", error))?;
+    Ok(())
 }

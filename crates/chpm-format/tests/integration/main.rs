@@ -1,6 +1,7 @@
 //! Files from one end to the other: written, read, verified, damaged.
 
 /// Hostile bytes: every flip, every cut, every lie with right checksums.
+mod chained;
 mod hostile;
 /// Random damage under right checksums never panics.
 mod mutate;

@@ -130,11 +130,11 @@ fn a_reader_without_the_flag_refuses_and_an_unknown_flag_is_refused() {
     let mut bytes = packed_file(&sheet(16, 8, 2, ALL));
     assert_eq!(bytes[16..20], [1, 0, 0, 0], "required_flags");
     assert_eq!(bytes[10..12], [2, 0], "version_minor");
-    bytes[16] = 17;
+    bytes[16] = 33;
     let sum = checksum(&bytes[..248]).to_le_bytes();
     bytes[248..256].copy_from_slice(&sum);
     let error = Chpm::open(bytes).unwrap_err().to_string();
-    assert!(error.contains("unknown required feature 0x10"), "{error}");
+    assert!(error.contains("unknown required feature 0x20"), "{error}");
     // And where no page is packed, nothing has changed.
     assert_eq!(sheet(16, 8, 2, ALL).bytes()[10..20], [1, 0, 0, 1, 0, 0, 0, 0, 0, 0]);
 }
@@ -206,7 +206,7 @@ fn least_first([a, b, c]: [u16; 3]) -> [u16; 3] {
 }
 
 /// Any page that a reader takes: triangles over a strip, or of any three vertices.
-fn any_page() -> impl Strategy<Value = Vec<u8>> {
+pub(crate) fn any_page() -> impl Strategy<Value = Vec<u8>> {
     let triangles = proptest::collection::vec((any::<[u16; 3]>(), any::<bool>()), 0..700);
     (coordinate(), triangles, any::<u64>(), 0..6usize).prop_map(|(numbers, triangles, seed, attributes)| {
         let positions: Vec<[f32; 3]> = numbers.as_chunks().0.to_vec();
@@ -306,7 +306,7 @@ fn goods() -> Vec<(Vec<u8>, usize)> {
 }
 
 /// The symbols of a packed page, which zstd hides from whoever only changes bytes.
-fn symbols(packed: &[u8]) -> (usize, Vec<u8>) {
+pub(crate) fn symbols(packed: &[u8]) -> (usize, Vec<u8>) {
     let len = |at: usize| u32::from_le_bytes(packed[at..at + 4].try_into().unwrap()) as usize;
     let frame = 48 + len(40) + len(44);
     (frame, zstd::decode_all(&packed[frame..]).unwrap())

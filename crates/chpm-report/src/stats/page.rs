@@ -3,7 +3,7 @@
 
 use crate::error::ReportError;
 use chpm_extmem::{Cancel, MappedFile};
-use chpm_format::packed::{self, PARTS};
+use chpm_format::packed::PARTS;
 use chpm_format::{Chpm, Page};
 use chpm_measure::cache::vertex_cache;
 use chpm_mesh::ClusterId;
@@ -81,10 +81,7 @@ pub(super) fn read(
         cancel.check()?;
         let id = ClusterId(index as u32);
         let page = file.page(id)?;
-        let parts = match file.is_packed(id) {
-            true => packed::sizes(page.bytes_or(&[]))?,
-            false => page.view().sizes(),
-        };
+        let parts = file.page_sizes(id, &page)?;
         let page = page.view();
         borders.note(&page, record.level);
         let corners = page.triangles.iter().map(|corners| corners.map(u32::from));
