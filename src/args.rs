@@ -60,7 +60,7 @@ pub(crate) struct SettingsArgs {
     no_colors: bool,
     /// Use of the source's images; sheets, where one is there, if not given
     ///
-    /// With --finest-error, --order cache-oblivious or chpm stage, which do not go with sheets: vertices.
+    /// With --finest-error, --order cache-oblivious, --pages chained or chpm stage, which do not go with sheets: vertices.
     #[arg(long, value_name = "WHAT", value_enum)]
     texture: Option<TextureArg>,
     /// Treatment of images that are not there

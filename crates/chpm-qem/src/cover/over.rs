@@ -31,7 +31,7 @@ pub(super) struct Luck {
 impl Luck {
     fn is_worth_trying(&mut self) -> bool {
         self.asked += 1;
-        self.tried < FIRST || WORTH * self.held >= self.tried || self.asked % AGAIN == 0
+        self.tried < FIRST || WORTH * self.held >= self.tried || self.asked.is_multiple_of(AGAIN)
     }
 
     fn note(&mut self, is_held: bool) {
