@@ -217,7 +217,7 @@ pub(crate) enum Pages {
     /// Compressed: every bit of them in fewer bytes, on scans less than half, to be unpacked when they are read
     #[value(alias = "compressed")]
     Packed,
-    /// Packed, and each told by one above that it refines: half as long with --positions lattice, but reading one takes those above it
+    /// Packed, and each told by one above that it refines: half as long, but reading one takes those above it
     Chained,
 }
 

@@ -219,21 +219,13 @@ export class ChpmFile {
    * @param {Iterable<number>} ids whose records are there
    */
   async eachPage(ids, take, signal) {
-    for (const run of this.runs(ids)) {
+    for (const run of this.#turns([...ids])) {
       const clusters = run.map((id) => this.cluster(id));
       const start = clusters[0].pageOffset;
       const end = clusters.at(-1).pageOffset + clusters.at(-1).pageLength;
       const bytes = await readExactly(this.#source, start, end - start, "a page", signal);
       const own = (cluster) => bytes.subarray(cluster.pageOffset - start, cluster.pageOffset - start + cluster.pageLength);
-      const above = [];
-      for (const cluster of clusters) {
-        // What is damaged is told by the page, once it was read again.
-        const page = await this.#above(cluster, own(cluster), signal).catch((error) => {
-          if (!(error instanceof ChpmError)) throw error;
-          return null;
-        });
-        above.push(page);
-      }
+      const above = await this.#allAbove(clusters, clusters.map(own), signal);
       const here = (cluster, i) => () => decode(this.header, cluster, own(cluster), this.#zstd, above[i] && partsAbove(above[i]));
       const pages = this.#decoder?.isReady ? this.#decoder.pages(this.header, clusters, start, bytes, above) : null;
       for (const [i, cluster] of clusters.entries()) {
@@ -265,8 +257,36 @@ export class ChpmFile {
     }
   }
 
-  /** The page that a chained one rests on, fetched if it is not here; null for any other. */
-  async #above(cluster, bytes, signal) {
+  /** Runs of pages, of which chained ones come behind those above them. */
+  #turns(ids) {
+    if (!this.header.isChained) return this.runs(ids);
+    const level = (id) => this.cluster(id).level;
+    const levels = [...new Set(ids.map(level))].sort((a, b) => b - a);
+    return levels.flatMap((one) => this.runs(ids.filter((id) => level(id) === one)));
+  }
+
+  /** For each cluster of a run the page that it rests on, or null; what is not here comes at once. */
+  async #allAbove(clusters, bytes, signal) {
+    // What is damaged is told by the page, once it was read again.
+    const orNone = (none) => (error) => {
+      if (!(error instanceof ChpmError)) throw error;
+      return none;
+    };
+    const parents = [];
+    for (const [i, cluster] of clusters.entries()) parents.push(await this.#parent(cluster, bytes[i], signal).catch(orNone(null)));
+    const missing = new Set(parents.filter((id) => id !== null && !this.#parents.has(id)));
+    const fetched = await this.pages(missing, signal).catch(orNone(new Map()));
+    const above = [];
+    for (const [i, id] of parents.entries()) {
+      const page = this.#parents.get(id) ?? fetched.get(id);
+      if (page) this.#keep(page);
+      above.push(page ?? (id === null ? null : await this.#above(clusters[i], bytes[i], signal).catch(orNone(null))));
+    }
+    return above;
+  }
+
+  /** The cluster whose page a chained one rests on, its record fetched; null for any other. */
+  async #parent(cluster, bytes, signal) {
     const place = this.header.isChained && cluster.isPacked ? placeAbove(bytes) : null;
     // What is damaged is found later, and read once more.
     if (place === null || cluster.parentGroup === NONE) return null;
@@ -275,15 +295,16 @@ export class ChpmFile {
     await this.needMembers([group], signal);
     const id = this.coarse(group)[place];
     if (id === undefined) return null;
-    const kept = this.#parents.get(id);
-    if (kept) {
-      this.#keep(kept);
-      return kept;
-    }
     await this.needClusters([id], signal);
     const { level } = this.cluster(id);
     expect(level > cluster.level, () => `the page of cluster ${cluster.id} rests on one of its own level or below`);
-    return (await this.pages([id], signal)).get(id);
+    return id;
+  }
+
+  /** The page that a chained one rests on, fetched if it is not here; null for any other. */
+  async #above(cluster, bytes, signal) {
+    const id = await this.#parent(cluster, bytes, signal);
+    return id === null ? null : (this.#parents.get(id) ?? (await this.pages([id], signal)).get(id));
   }
 
   /** Keeps a page for those below; those that were used last stay. */

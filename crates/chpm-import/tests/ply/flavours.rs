@@ -117,6 +117,7 @@ fn extras_are_converted_or_named() {
         Warning::TextureDropped { element: face(), properties: names(&["texcoord"]) },
         Warning::FaceAttributesDropped { element: face(), properties: names(&["red"]) },
         Warning::NormalsZeroed { count: 1 },
+        Warning::ColorsClamped { count: 1 },
     ];
     assert_eq!(warnings, expected);
     assert!(warnings[3].to_string().contains("quantised"));
