@@ -157,7 +157,7 @@ fn headers_that_lie_are_named() {
 /// Five promised and four there: the fifth eats a part of the first face and its line goes on; and the other way round.
 #[test]
 fn counts_that_lie_break_lines() {
-    for (promised, element, index, line) in [(5, "vertex", 4, 14), (3, "face", 1, 13)] {
+    for (promised, element, index, line) in [(5, "vertex", 4, 14), (3, "face", 0, 13)] {
         let error = refuse(&TEXT.replace("element vertex 4", &format!("element vertex {promised}")));
         let place = place(&error);
         assert_eq!(
