@@ -168,7 +168,7 @@ fn counts_that_lie_break_lines() {
     }
     let error = refuse(&TEXT.replace("element face 4", "element face 5"));
     assert!(matches!(error, PlyError::Truncated { read: 4, count: 5, .. }), "{error}");
-    wrong("\n1 0 0", "\n1 0 0 7", "7", "vertex", 2);
+    wrong("\n1 0 0", "\n1 0 0 7", "7", "vertex", 1);
     let broken = TEXT.replace("\n3 1 2 3", "\n3\n1 2\r\n 3");
     assert_eq!(read_mesh(broken.as_bytes(), DROP).unwrap().0, tetrahedron(), "an element may be broken");
 }
