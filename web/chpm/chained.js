@@ -1,10 +1,8 @@
 // From a chained page and the one above to the page itself: the section "Chained page" of the file format, with its names.
 
-import { Bits, LATTICE, TENS, viewOfBits, viewOfFloats } from "./packed.js";
-import { expect, pageLength, viewOf } from "./records.js";
+import { HEAD_LEN, KEPT, LATTICE, TENS, emptyPage, putSteps, streamsOf, sums, viewOfBits, viewOfFloats, widthsOf } from "./packed.js";
+import { expect, viewOf } from "./records.js";
 
-const HEAD_LEN = 48;
-const KEPT = 36;
 const NONE = 0xffff;
 /** Lengths of runs below are symbols of their own. */
 const RUNS = 16;
@@ -244,49 +242,10 @@ export function unchain(header, cluster, chained, zstd, above) {
   const told = [8, 12, 16, 20, 24].map((at) => head.getUint32(at, true));
   expectIt([v, b, t, cluster.baseTriangleCount, s].every((count, i) => count === told[i]), "other counts than its record");
   const [kind, places] = chained.subarray(KEPT, KEPT + 2);
-  const lengths = [head.getUint32(40, true), head.getUint32(44, true)];
-  expectIt(HEAD_LEN + lengths[0] + lengths[1] <= chained.byteLength, "open bits that are not all there");
-  const walkBits = new Bits(chained.subarray(HEAD_LEN, HEAD_LEN + lengths[0]));
-  const bits = new Bits(chained.subarray(HEAD_LEN + lengths[0], HEAD_LEN + lengths[0] + lengths[1]));
-
   const triangleCountAbove = above.triangles.length / 3;
-  const widths = (header.hasFloatNormals ? 3 : 0) + (header.hasOctahedralNormals ? 2 : 0) + (header.hasColors ? 4 : 0);
-  const most = triangleCountAbove + 2 + header.scalarWords * (2 + v) + v * (3 + widths) + 4 * (v - b) + 2 * s;
-  let symbols;
-  try {
-    symbols = zstd(chained.subarray(HEAD_LEN + lengths[0] + lengths[1]), most);
-  } catch (error) {
-    expectIt(false, `symbols that cannot be expanded: ${error?.message ?? error}`);
-  }
-  let from = 0;
-  const one = () => {
-    expectIt(from < symbols.byteLength, "fewer symbols than numbers");
-    return symbols[from++];
-  };
-  const take = (count) => {
-    expectIt(from + count <= symbols.byteLength, "fewer symbols than numbers");
-    from += count;
-    return symbols.subarray(from - count, from);
-  };
-
-  const page = new Uint8Array(pageLength(header, cluster));
-  page.set(chained.subarray(0, KEPT));
-  viewOf(page).setUint32(0, 0x45475043, true);
-  let at = 64;
-  const place = (Type, count) => {
-    const array = new Type(page.buffer, at, count);
-    at += array.byteLength;
-    return array;
-  };
-  const positions = place(Float32Array, 3 * v);
-  const normals = place(Float32Array, header.hasFloatNormals ? 3 * v : 0);
-  const colors = place(Uint8Array, header.hasColors ? 4 * v : 0);
-  const words = place(Int32Array, header.scalarWords * v);
-  const ids = place(Uint32Array, s);
-  const triangles = place(Uint16Array, 3 * t);
-  const targets = place(Uint16Array, v - b);
-  const codes = place(Uint16Array, v - b);
-  const shared = place(Uint8Array, Math.ceil(v / 8));
+  const most = triangleCountAbove + 2 + header.scalarWords * (2 + v) + v * (3 + widthsOf(header)) + 4 * (v - b) + 2 * s;
+  const { walkBits, bits, one, take, finish } = streamsOf(chained, most, zstd, expectIt);
+  const { page, positions, normals, colors, words, ids, triangles, targets, codes, shared, octahedral } = emptyPage(header, cluster, chained);
 
   // The base mesh: triangles above in their order, and their vertices as they come.
   const rings = new Rings(v, t, expectIt);
@@ -384,16 +343,12 @@ export function unchain(header, cluster, chained, zstd, above) {
   floats(positions, kind, places, above.positions);
   if (header.hasFloatNormals) floats(normals, 0, 0, above.normals);
   if (header.hasOctahedralNormals) {
-    const out = place(Uint8Array, 3 * v);
     const bytes = above.octahedral;
     const steps = numbers(2, (vertex, k) => {
       const both = bytes[3 * vertex] | (bytes[3 * vertex + 1] << 8) | (bytes[3 * vertex + 2] << 16);
       return k === 0 ? both & 0xfff : both >> 12;
     });
-    for (let i = 0; i < v; i++) {
-      const both = (steps[2 * i] & 0xfff) | ((steps[2 * i + 1] & 0xfff) << 12);
-      out.set([both & 255, (both >> 8) & 255, (both >> 16) & 255], 3 * i);
-    }
+    putSteps(octahedral, steps);
   }
   if (header.hasColors) colors.set(numbers(4, (vertex, k) => above.colors[4 * vertex + k]));
   const bitsAbove = new Int32Array(1);
@@ -410,12 +365,7 @@ export function unchain(header, cluster, chained, zstd, above) {
     all.forEach((number, i) => (words[header.scalarWords * i + word] = bitsOf(number)));
   }
 
-  let last = 0;
-  const steps = take(v - b);
-  for (let i = 0; i < steps.length; i++) {
-    last = (last + bits.difference(steps[i])) | 0;
-    codes[codes.length - 1 - i] = last;
-  }
+  codes.set(sums(take(v - b), bits).reverse());
 
   // Shared vertices: those above with their ids, and those that are told.
   const idOf = new Float64Array(v).fill(-1);
@@ -438,17 +388,12 @@ export function unchain(header, cluster, chained, zstd, above) {
     }
     toldAt.push(vertex++);
   });
-  last = 0;
-  take(toldAt.length).forEach((symbol, i) => {
-    last = (last + bits.difference(symbol)) | 0;
-    idOf[toldAt[i]] = last >>> 0;
-  });
+  sums(take(toldAt.length), bits).forEach((id, i) => (idOf[toldAt[i]] = id >>> 0));
   for (let i = 0, next = 0; i < v; i++) {
     if (idOf[i] < 0) continue;
     shared[i >> 3] |= 1 << (i & 7);
     ids[next++] = idOf[i];
   }
-  expectIt(from === symbols.byteLength, "more symbols than numbers");
-  expectIt(bits.isDone(), "more or fewer open bits than symbols need");
+  finish();
   return page;
 }

@@ -2,9 +2,9 @@
 
 import { expect, pageLength, viewOf } from "./records.js";
 
-const HEAD_LEN = 48;
+export const HEAD_LEN = 48;
 /** Bytes of the page's header that are kept. */
-const KEPT = 36;
+export const KEPT = 36;
 const NONE = 0xffff;
 const NEIGHBORS = 8;
 const ELSEWHERE = 33;
@@ -280,6 +280,85 @@ function readOrder(symbols, base, bits, expectIt) {
   return order;
 }
 
+/** The open bits and symbols behind the head of a packed or chained page. `most` symbols are the most that there may be. */
+export function streamsOf(packed, most, zstd, expectIt) {
+  const head = viewOf(packed);
+  const walk = HEAD_LEN + head.getUint32(40, true);
+  const rest = walk + head.getUint32(44, true);
+  expectIt(rest <= packed.byteLength, "open bits that are not all there");
+  let symbols;
+  try {
+    symbols = zstd(packed.subarray(rest), most);
+  } catch (error) {
+    expectIt(false, `symbols that cannot be expanded: ${error?.message ?? error}`);
+  }
+  expectIt(symbols.byteLength <= most, "more symbols than numbers");
+  let from = 0;
+  const take = (count) => {
+    expectIt(from + count <= symbols.byteLength, "fewer symbols than numbers");
+    from += count;
+    return symbols.subarray(from - count, from);
+  };
+  const one = () => {
+    expectIt(from < symbols.byteLength, "fewer symbols than numbers");
+    return symbols[from++];
+  };
+  const bits = new Bits(packed.subarray(walk, rest));
+  const finish = () => {
+    expectIt(from === symbols.byteLength, "more symbols than numbers");
+    expectIt(bits.isDone(), "more or fewer open bits than symbols need");
+  };
+  return { walkBits: new Bits(packed.subarray(HEAD_LEN, walk)), bits, one, take, finish };
+}
+
+/** Numbers of a vertex's attributes together, without its words. */
+export function widthsOf(header) {
+  return (header.hasFloatNormals ? 3 : 0) + (header.hasOctahedralNormals ? 2 : 0) + (header.hasColors ? 4 : 0);
+}
+
+/** A page with the head of its packed form, and the arrays in it, which are to be filled. */
+export function emptyPage(header, cluster, packed) {
+  const { vertexCount: v, baseVertexCount: b, triangleCount: t, sharedCount: s } = cluster;
+  const page = new Uint8Array(pageLength(header, cluster));
+  page.set(packed.subarray(0, KEPT));
+  viewOf(page).setUint32(0, 0x45475043, true);
+  let at = 64;
+  const place = (Type, count) => {
+    const array = new Type(page.buffer, at, count);
+    at += array.byteLength;
+    return array;
+  };
+  return {
+    page,
+    positions: place(Float32Array, 3 * v),
+    normals: place(Float32Array, header.hasFloatNormals ? 3 * v : 0),
+    colors: place(Uint8Array, header.hasColors ? 4 * v : 0),
+    words: place(Int32Array, header.scalarWords * v),
+    ids: place(Uint32Array, s),
+    triangles: place(Uint16Array, 3 * t),
+    targets: place(Uint16Array, v - b),
+    codes: place(Uint16Array, v - b),
+    shared: place(Uint8Array, Math.ceil(v / 8)),
+    octahedral: place(Uint8Array, header.hasOctahedralNormals ? 3 * v : 0),
+  };
+}
+
+/** Two numbers of twelve bits for each vertex, in three bytes. */
+export function putSteps(out, steps) {
+  for (let i = 0; 3 * i < out.length; i++) {
+    const both = (steps[2 * i] & 0xfff) | ((steps[2 * i + 1] & 0xfff) << 12);
+    out.set([both & 255, (both >> 8) & 255, (both >> 16) & 255], 3 * i);
+  }
+}
+
+/** Numbers that are told as the difference from the one before. */
+export function sums(symbols, bits) {
+  const all = new Int32Array(symbols.length);
+  let last = 0;
+  for (let i = 0; i < symbols.length; i++) all[i] = last = (last + bits.difference(symbols[i])) | 0;
+  return all;
+}
+
 /** Bytes of the page of a packed one. `zstd` expands a frame of zstd to a number of bytes. */
 export function unpack(header, cluster, packed, zstd) {
   const what = `the packed page of cluster ${cluster.id}`;
@@ -292,46 +371,9 @@ export function unpack(header, cluster, packed, zstd) {
   expectIt([v, b, t, s].every((count, i) => count === told[i]), "other counts than its record");
   const [kind, places, turned, reserved] = packed.subarray(KEPT, KEPT + 4);
   expectIt((turned === 1 || turned === 2) && reserved === 0, "a way of telling corners that is not known");
-  const lengths = [head.getUint32(40, true), head.getUint32(44, true)];
-  expectIt(HEAD_LEN + lengths[0] + lengths[1] <= packed.byteLength, "open bits that are not all there");
-  const walkBits = new Bits(packed.subarray(HEAD_LEN, HEAD_LEN + lengths[0]));
-  const bits = new Bits(packed.subarray(HEAD_LEN + lengths[0], HEAD_LEN + lengths[0] + lengths[1]));
-
-  const widths = (header.hasFloatNormals ? 3 : 0) + (header.hasOctahedralNormals ? 2 : 0) + (header.hasColors ? 4 : 0);
-  const named = header.scalarWords * (2 + v);
-  const most = named + 4 * t + v * (4 + widths) + 2 * (v - b) + s + Math.ceil(v / 8);
-  let symbols;
-  try {
-    symbols = zstd(packed.subarray(HEAD_LEN + lengths[0] + lengths[1]), most);
-  } catch (error) {
-    expectIt(false, `symbols that cannot be expanded: ${error?.message ?? error}`);
-  }
-  expectIt(symbols.byteLength <= most, "more symbols than numbers");
-  const take = (count) => {
-    expectIt(count <= symbols.byteLength, "fewer symbols than numbers");
-    const taken = symbols.subarray(0, count);
-    symbols = symbols.subarray(count);
-    return taken;
-  };
-
-  const page = new Uint8Array(pageLength(header, cluster));
-  page.set(packed.subarray(0, KEPT));
-  viewOf(page).setUint32(0, 0x45475043, true);
-  let at = 64;
-  const place = (Type, count) => {
-    const array = new Type(page.buffer, at, count);
-    at += array.byteLength;
-    return array;
-  };
-  const positions = place(Float32Array, 3 * v);
-  const normals = place(Float32Array, header.hasFloatNormals ? 3 * v : 0);
-  const colors = place(Uint8Array, header.hasColors ? 4 * v : 0);
-  const words = place(Int32Array, header.scalarWords * v);
-  const ids = place(Uint32Array, s);
-  const triangles = place(Uint16Array, 3 * t);
-  const targets = place(Uint16Array, v - b);
-  const codes = place(Uint16Array, v - b);
-  const shared = place(Uint8Array, Math.ceil(v / 8));
+  const most = header.scalarWords * (2 + v) + 4 * t + v * (4 + widthsOf(header)) + 2 * (v - b) + s + Math.ceil(v / 8);
+  const { walkBits, bits, take, finish } = streamsOf(packed, most, zstd, expectIt);
+  const { page, positions, normals, colors, words, ids, triangles, targets, codes, shared, octahedral } = emptyPage(header, cluster, packed);
 
   const order = readOrder(take(v), b, bits, expectIt);
   const edges = take(t);
@@ -348,14 +390,7 @@ export function unpack(header, cluster, packed, zstd) {
     const binary = viewOfFloats(0, 0, expectIt);
     numbers(walk, take(3 * v), 3, false, bits).forEach((number, i) => (normals[i] = binary(number)));
   }
-  if (header.hasOctahedralNormals) {
-    const out = place(Uint8Array, 3 * v);
-    const steps = numbers(walk, take(2 * v), 2, false, bits);
-    for (let i = 0; i < v; i++) {
-      const both = (steps[2 * i] & 0xfff) | ((steps[2 * i + 1] & 0xfff) << 12);
-      out.set([both & 255, (both >> 8) & 255, (both >> 16) & 255], 3 * i);
-    }
-  }
+  if (header.hasOctahedralNormals) putSteps(octahedral, numbers(walk, take(2 * v), 2, false, bits));
   if (header.hasColors) colors.set(numbers(walk, take(4 * v), 4, false, bits));
   for (let word = 0; word < header.scalarWords; word++) {
     const [kind, places] = take(2);
@@ -375,19 +410,9 @@ export function unpack(header, cluster, packed, zstd) {
       targets[i] = order[rank];
     }
   }
-  let last = 0;
-  const steps = take(v - b);
-  for (let i = 0; i < steps.length; i++) {
-    last = (last + bits.difference(steps[i])) | 0;
-    codes[codes.length - 1 - i] = last;
-  }
-  last = 0;
-  take(s).forEach((symbol, i) => {
-    last = (last + bits.difference(symbol)) | 0;
-    ids[i] = last;
-  });
+  codes.set(sums(take(v - b), bits).reverse());
+  ids.set(sums(take(s), bits));
   shared.set(take(Math.ceil(v / 8)));
-  expectIt(symbols.byteLength === 0, "more symbols than numbers");
-  expectIt(bits.isDone(), "more or fewer open bits than symbols need");
+  finish();
   return page;
 }

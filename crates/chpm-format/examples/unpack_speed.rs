@@ -4,21 +4,13 @@
 //! `cargo run --release -p chpm-format --example unpack_speed -- scan.chpm`, a file of raw pages. Processor time is counted, not time on the wall, in steps of a
 //! hundredth of a second.
 
+mod measured;
+
 use chpm_format::{Chpm, Page, packed};
 use chpm_mesh::ClusterId;
+use measured::{TRIANGLES, named, user_time};
 use std::error::Error;
-use std::fs;
 use std::hint::black_box;
-
-/// Triangles to unpack at least.
-const TRIANGLES: u64 = 40_000_000;
-
-/// Seconds of the processor that this process has used, outside of the system.
-fn user_time() -> Result<f64, Box<dyn Error>> {
-    let stat = fs::read_to_string("/proc/self/stat")?;
-    let behind_name = stat.rsplit(") ").next().unwrap_or_default();
-    Ok(behind_name.split(' ').nth(11).unwrap_or_default().parse::<f64>()? / 100.0)
-}
 
 /// A page's triangles and its vertices in the order in which those meet them, as meshoptimizer's codecs have them.
 struct Baseline {
@@ -56,11 +48,8 @@ impl Baseline {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let name = std::env::args().nth(1).ok_or("name a .chpm file")?;
-    let bytes = fs::read(&name)?;
-    let mut words = vec![0u64; bytes.len().div_ceil(8)];
-    bytemuck::cast_slice_mut(&mut words)[..bytes.len()].copy_from_slice(&bytes);
-    let file = Chpm::open(&bytemuck::cast_slice(&words)[..bytes.len()])?;
+    let (name, words, len) = named()?;
+    let file = Chpm::open(&bytemuck::cast_slice(&words)[..len])?;
     let ids = || (0..file.header().cluster_count).map(ClusterId);
     let source = file.header().source_triangle_count as f64;
     let triangles: u64 = file.clusters().iter().map(|cluster| u64::from(cluster.triangle_count)).sum();

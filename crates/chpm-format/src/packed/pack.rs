@@ -149,11 +149,8 @@ impl Packer {
 
     /// The words of scalars, one array after the other, each with the view by which its bits are numbers.
     fn put_scalars(&mut self, page: &Page<'_>) {
-        let words = usize::from(page.attributes().scalar_words);
-        for word in 0..words {
-            let column = page.scalars.chunks_exact(words).map(|row| f32::from_bits(row[word]));
-            let numbers: Vec<f32> = column.collect();
-            let view = View::of(&numbers);
+        for word in 0..page.attributes().scalar_words.into() {
+            let (numbers, view) = View::of_word(page, word);
             self.streams.symbols.extend_from_slice(&view.bytes());
             self.put_array(numbers.iter().map(|x| [view.integer(*x).unwrap_or_default()]), middle);
         }

@@ -1,5 +1,7 @@
 //! Floats as integers in the same order, so that a difference of neighbours is a small number and every bit comes back.
 
+use crate::page::Page;
+
 /// How the floats of an array become integers. Both ways are one to one: two zeros, denormals and what is no number included.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum View {
@@ -56,6 +58,14 @@ impl View {
     /// The view by which these numbers are short.
     pub(super) fn of(numbers: &[f32]) -> Self {
         Self::lattice_of(numbers).or_else(|| Self::decimal_of(numbers)).unwrap_or(View::Binary)
+    }
+
+    /// One of the words of a page's vertices, as floats, and their view.
+    pub(super) fn of_word(page: &Page<'_>, word: usize) -> (Vec<f32>, Self) {
+        let rows = page.scalars.chunks_exact(page.attributes().scalar_words.into());
+        let numbers: Vec<f32> = rows.map(|row| f32::from_bits(row[word])).collect();
+        let view = Self::of(&numbers);
+        (numbers, view)
     }
 
     /// The lattice with the largest step that has all these numbers, if they are few enough multiples of it.

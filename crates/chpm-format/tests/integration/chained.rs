@@ -1,6 +1,7 @@
 //! Chained pages: the same meshes at every position, read through all that is above; and damage has a name, wherever it is.
 
 use crate::packed::{any_page, symbols};
+use crate::sample;
 use crate::sample::{Sample, reseal, sheet, write};
 use chpm_format::{
     Chpm, ClusterRecord, FilePart, FormatError, Page, PageParts, RemoteChpm, checksum, packed, same, verify,
@@ -209,7 +210,7 @@ fn above(page: &Page<'_>, more: usize) -> Vec<u8> {
     let ids = page.shared().filter(|(vertex, id)| usize::from(*vertex) < b && id % 2 == 0);
     let mut shared: Vec<(u16, u32)> = ids.map(|(vertex, id)| (number(vertex), id)).collect();
     shared.reverse();
-    let parts = PageParts {
+    sample::page(&PageParts {
         vertices: VertexSlices {
             positions: &positions,
             normals: &normals,
@@ -220,10 +221,7 @@ fn above(page: &Page<'_>, more: usize) -> Vec<u8> {
         triangles: &triangles,
         shared: &shared,
         ..PageParts::default()
-    };
-    let mut parent = Vec::new();
-    parts.encode(&mut parent).unwrap();
-    parent
+    })
 }
 
 /// Chains a page to one above, if it can be, and compares what comes back; whether it was.
@@ -271,25 +269,21 @@ fn pages_of_no_surface_are_chained() {
         shared: &shared,
         ..PageParts::default()
     };
-    let mut page = Vec::new();
-    parts.encode(&mut page).unwrap();
+    let page = sample::page(&parts);
     let parent = in_place(&page, |page| above(page, 5));
     assert!(comes_back(&page, &parent));
     // Of a triangle that is not above, nothing can be told.
     let other = in_place(&page, |page| {
         let mut positions = page.positions.to_vec();
         positions[3][0] += 0.25;
-        let parts = PageParts {
+        sample::page(&PageParts {
             vertices: VertexSlices { positions: &positions, ..VertexSlices::default() },
             triangles: &triangles,
             targets: &targets,
             errors: &errors,
             shared: &shared,
             ..PageParts::default()
-        };
-        let mut other = Vec::new();
-        parts.encode(&mut other).unwrap();
-        other
+        })
     });
     assert!(!comes_back(&other, &parent));
 }
@@ -302,16 +296,13 @@ fn pages_that_would_take_long_are_not_chained() {
         let triangles: Vec<[u16; 3]> = (0..count - 2).map(|i| [i, i + 1, i + 2]).collect();
         let targets: Vec<u16> = (3..count).map(|i| i - 3).collect();
         let errors = vec![1.0; targets.len()];
-        let parts = PageParts {
+        sample::page(&PageParts {
             vertices: VertexSlices { positions: &positions, ..VertexSlices::default() },
             triangles: &triangles,
             targets: &targets,
             errors: &errors,
             ..PageParts::default()
-        };
-        let mut page = Vec::new();
-        parts.encode(&mut page).unwrap();
-        page
+        })
     };
     let long = page(30_000);
     assert!(!comes_back(&long, &in_place(&long, |page| above(page, 0))));

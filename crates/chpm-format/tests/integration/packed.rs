@@ -1,5 +1,6 @@
 //! Packed pages: every bit comes back, of any page; and what is no packed page is refused.
 
+use crate::sample;
 use crate::sample::{Sample, sheet, tetrahedron};
 use chpm_format::page::PAGE_HEADER_LEN;
 use chpm_format::{
@@ -250,7 +251,7 @@ pub(crate) fn any_page() -> impl Strategy<Value = Vec<u8>> {
             .map(|x| if next(2) == 0 { x.to_bits() } else { next(1 << 31) as u32 * 2 })
             .collect();
         let scalars = if scalars.len() == words * v { scalars } else { Vec::new() };
-        let parts = PageParts {
+        sample::page(&PageParts {
             vertices: VertexSlices {
                 positions: &positions,
                 scalars: &scalars,
@@ -263,10 +264,7 @@ pub(crate) fn any_page() -> impl Strategy<Value = Vec<u8>> {
             errors: &errors,
             shared: &shared,
             ..PageParts::default()
-        };
-        let mut page = Vec::new();
-        parts.encode(&mut page).unwrap();
-        page
+        })
     })
 }
 

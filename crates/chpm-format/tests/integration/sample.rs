@@ -7,6 +7,13 @@ use chpm_mesh::{
 };
 use std::collections::BTreeMap;
 
+/// A page of these parts.
+pub(crate) fn page(parts: &PageParts<'_>) -> Vec<u8> {
+    let mut page = Vec::new();
+    parts.encode(&mut page).unwrap();
+    page
+}
+
 /// A cluster with the global number of each vertex, which also is its position and look.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Cluster {

@@ -118,11 +118,8 @@ impl Writer {
         if !page.colors.is_empty() {
             self.put_array(page.colors.iter().map(|c| c.map(u32::from)));
         }
-        let words = usize::from(page.attributes().scalar_words);
-        for word in 0..words {
-            let column = page.scalars.chunks_exact(words).map(|row| f32::from_bits(row[word]));
-            let numbers: Vec<f32> = column.collect();
-            let view = View::of(&numbers);
+        for word in 0..page.attributes().scalar_words.into() {
+            let (numbers, view) = View::of_word(page, word);
             self.streams.symbols.extend_from_slice(&view.bytes());
             self.put_array(numbers.iter().map(|x| [view.integer(*x).unwrap_or_default()]));
         }
