@@ -1,7 +1,7 @@
 //! Opening a file that is in memory, and reading it in place.
 
 use crate::MEMORY_ALIGN;
-use crate::error::{FilePart, FormatError, invalid, require, require_eq};
+use crate::error::{FilePart, FormatError, VolumeFault, invalid, require, require_eq};
 use crate::gaps::Gaps;
 use crate::header::{Header, attribute_bits};
 use crate::metadata::Metadata;
@@ -15,10 +15,14 @@ use crate::scalars;
 use crate::section::{SectionKind, Sections, check_sum};
 use crate::sheet::{self, Sheet, SheetRecord};
 use crate::structure::{Structure, member_range, place_pages};
+use crate::volume::{self, Unit, VolumeRecord};
 use bytemuck::Pod;
 use chpm_mesh::{ClusterId, GroupId, Scalar};
 use std::borrow::Cow;
+use std::error::Error;
+use std::io;
 use std::ops::Range;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -28,10 +32,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 #[derive(Clone, Debug)]
 pub struct Chpm<D> {
     data: D,
+    volumes: Vec<D>,
     header: Header,
     sections: Sections,
     scalars: Vec<Scalar>,
-    on_page: fn(&D, u64),
+    on_page: OnPage<D>,
     /// A bit for each cluster: whether its page has been found to be what was written.
     intact: Arc<[AtomicU64]>,
     parents: Arc<Parents>,
@@ -42,13 +47,45 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     /// so that following them cannot fail. Reads no page. Time and scratch memory are O(clusters).
     ///
     /// # Errors
-    /// The [`FormatError`] that names the damage; [`FormatError::Alignment`] if the bytes do not start at a multiple of 8.
+    /// The [`FormatError`] that names the damage; [`FormatError::Alignment`] if the bytes do not start at a multiple of 8;
+    /// [`FormatError::Apart`] if pages are in volumes, which [`Chpm::open_at`] has.
     pub fn open(data: D) -> Result<Self, FormatError> {
+        Self::open_with(data, |volumes| match volumes.len() {
+            0 => Ok(Vec::new()),
+            count => Err(FormatError::Apart { count }),
+        })
+    }
+
+    /// The same of a file that is at `path`, with the volumes beside it if it has any, each of which `open` is asked for.
+    ///
+    /// # Errors
+    /// As [`Chpm::open`]; [`FormatError::Volume`] and [`FormatError::Unread`] with the volume's name.
+    pub fn open_at<E: Error + Send + Sync + 'static>(
+        data: D,
+        path: &Path,
+        mut open: impl FnMut(&Path) -> Result<D, E>,
+    ) -> Result<Self, FormatError> {
+        Self::open_with(data, |records| {
+            let opened = (1..=records.len() as u32).map(|number| {
+                let path = volume::path(path, number);
+                let opened = open(&path).map_err(|error| unopened(&path, error))?;
+                let (bytes, place) = (opened.as_ref(), FilePart::Volume(number));
+                volume::check_file(records, number, bytes, bytes.len() as u64)
+                    .map_err(|fault| FormatError::Volume { path, fault })?;
+                check_alignment(bytes, place)?;
+                Ok(opened)
+            });
+            opened.collect()
+        })
+    }
+
+    fn open_with(
+        data: D,
+        volumes: impl FnOnce(&[VolumeRecord]) -> Result<Vec<D>, FormatError>,
+    ) -> Result<Self, FormatError> {
         let bytes = data.as_ref();
         let header = Header::read(bytes, bytes.len() as u64)?;
-        if !bytes.as_ptr().addr().is_multiple_of(MEMORY_ALIGN) {
-            return Err(FormatError::Alignment { place: FilePart::File, expected: MEMORY_ALIGN });
-        }
+        check_alignment(bytes, FilePart::File)?;
         let sections = Sections::read(&header, bytes)?;
         // No file has more records than bytes, and what is not listed is refused below.
         let words = sections.count(SectionKind::Clusters).div_ceil(u64::from(u64::BITS));
@@ -59,7 +96,8 @@ impl<D: AsRef<[u8]>> Chpm<D> {
             header.attributes().scalar_words,
         )?;
         let parents = Arc::default();
-        let file = Chpm { data, header, sections, scalars, on_page: |_, _| (), intact, parents };
+        let (on_page, apart) = (|_: &D, _: &[D], _: u64| (), Vec::new());
+        let mut file = Chpm { data, volumes: apart, header, sections, scalars, on_page, intact, parents };
         file.structure().check()?;
         if file.has_remnants() {
             remnant::check(file.remnants(), file.clusters())?;
@@ -72,12 +110,26 @@ impl<D: AsRef<[u8]>> Chpm<D> {
             sheet::check(file.sheets(), count, texels)?;
         }
         file.check_pages()?;
+        if header.has_volumes() {
+            volume::check(file.volume_records(), file.sections.body())?;
+            volume::check_units(file.volume_records(), file.units())?;
+            file.volumes = volumes(file.volume_records())?;
+        }
         Ok(file)
     }
 
+    /// Sheets and pages, in the order of the file.
+    fn units(&self) -> impl Iterator<Item = Unit> + '_ {
+        let first = self.sections.body().start;
+        let of_sheet = move |sheet: &SheetRecord| (first + sheet.offset, sheet.checksum);
+        let of_page = |cluster: &ClusterRecord| (cluster.page_offset, cluster.page_checksum);
+        let units = self.sheets().iter().map(of_sheet).chain(self.clusters().iter().map(of_page));
+        units.map(|(offset, checksum)| Unit { offset, checksum })
+    }
+
     /// Has every page told to `on_page` when its bytes are asked for, with their number: whoever has mapped the data may want to let go
-    /// of what was read.
-    pub fn watched(self, on_page: fn(&D, u64)) -> Self {
+    /// of what was read. It is handed the data and those of all volumes.
+    pub fn watched(self, on_page: OnPage<D>) -> Self {
         Chpm { on_page, ..self }
     }
 
@@ -113,7 +165,7 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         bytemuck::cast_slice(&self.data.as_ref()[self.sections.range(kind)])
     }
 
-    /// The bytes of the file.
+    /// The bytes of the file, but for those in volumes.
     pub fn bytes(&self) -> &[u8] {
         self.data.as_ref()
     }
@@ -121,6 +173,35 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     /// The data that it was opened from.
     pub fn get_ref(&self) -> &D {
         &self.data
+    }
+
+    /// The data of its volumes, in their order; none where pages are in the file itself.
+    pub fn volumes(&self) -> &[D] {
+        &self.volumes
+    }
+
+    /// Records of its volumes.
+    pub fn volume_records(&self) -> &[VolumeRecord] {
+        self.table(SectionKind::Volumes)
+    }
+
+    /// All data: that of the file itself, and those of its volumes.
+    pub fn parts(&self) -> impl Iterator<Item = &D> {
+        std::iter::once(&self.data).chain(&self.volumes)
+    }
+
+    /// Bytes from a place in the file on, in whichever part they are; none where they are not in one.
+    pub(crate) fn at(&self, offset: u64, len: u64) -> Option<&[u8]> {
+        let (part, start) = self.place(offset);
+        let data = if part == 0 { &self.data } else { &self.volumes[part - 1] };
+        let start = usize::try_from(start).ok()?;
+        data.as_ref().get(start..start.checked_add(usize::try_from(len).ok()?)?)
+    }
+
+    /// Where a byte of the file is, as [`volume::place`] has it.
+    fn place(&self, offset: u64) -> (usize, u64) {
+        // Most files have none, and need not look for their table.
+        if self.volumes.is_empty() { (0, offset) } else { volume::place(self.volume_records(), offset) }
     }
 
     /// Gives the data back.
@@ -188,9 +269,8 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     /// As [`Chpm::coarse`].
     pub fn sheet_bytes(&self, id: ClusterId) -> Option<&[u8]> {
         let record = self.header.has_sheets().then(|| &self.sheets()[id.index()])?;
-        let start = record.offset as usize;
-        (self.on_page)(&self.data, record.len());
-        Some(&self.section(SectionKind::Texels)[start..start + record.len() as usize])
+        (self.on_page)(&self.data, &self.volumes, record.len());
+        self.at(self.sections.body().start + record.offset, record.len())
     }
 
     /// A cluster's sheet, its checksum compared and its layout checked against the cluster's record; none if there are no sheets.
@@ -204,13 +284,21 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         self.sheet_bytes(id).map_or(Ok(None), |bytes| self.sheet_in(id, bytes))
     }
 
-    /// Where a cluster's sheet is in the file: its first byte, and how many there are; none if there are no sheets.
+    /// Where a cluster's page is: the part, 0 for the file itself and else the number of a volume, and the offset there.
     ///
     /// # Panics
     /// As [`Chpm::coarse`].
-    pub fn sheet_place(&self, id: ClusterId) -> Option<(u64, u64)> {
+    pub fn page_place(&self, id: ClusterId) -> (usize, u64) {
+        self.place(self.clusters()[id.index()].page_offset)
+    }
+
+    /// The same of a cluster's sheet, and how many bytes there are; none if there are no sheets.
+    ///
+    /// # Panics
+    /// As [`Chpm::coarse`].
+    pub fn sheet_place(&self, id: ClusterId) -> Option<((usize, u64), u64)> {
         let record = self.header.has_sheets().then(|| &self.sheets()[id.index()])?;
-        Some((self.sections.range(SectionKind::Texels).start as u64 + record.offset, record.len()))
+        Some((self.place(self.sections.body().start + record.offset), record.len()))
     }
 
     /// As [`Chpm::sheet`], for the sheet's bytes in another place: read from the file, not mapped. `None` only where there are no sheets.
@@ -277,7 +365,7 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         self.sections.has(SectionKind::Chunks)
     }
 
-    /// The bytes of a section; none if it is absent.
+    /// The bytes of a section that is not in volumes; none if it is absent.
     pub(crate) fn section(&self, kind: SectionKind) -> &[u8] {
         &self.data.as_ref()[self.sections.range(kind)]
     }
@@ -293,9 +381,8 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     /// As [`Chpm::coarse`].
     pub fn page_bytes(&self, id: ClusterId) -> &[u8] {
         let record = &self.clusters()[id.index()];
-        let start = record.page_offset as usize;
-        (self.on_page)(&self.data, record.page_len.into());
-        &self.data.as_ref()[start..start + record.page_len as usize]
+        (self.on_page)(&self.data, &self.volumes, record.page_len.into());
+        self.at(record.page_offset, record.page_len.into()).unwrap_or_default()
     }
 
     /// The same, and what was written: their checksum was compared, now or before.
@@ -467,6 +554,29 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         check_sum(FilePart::Page(id), self.clusters()[id.index()].page_checksum, bytes)?;
         self.page_of(id, bytes)
     }
+}
+
+/// Told of each page before it is looked at: the data of the file, those of its volumes, and how many bytes the page has.
+type OnPage<D> = fn(&D, &[D], u64);
+
+fn check_alignment(bytes: &[u8], place: FilePart) -> Result<(), FormatError> {
+    match bytes.as_ptr().addr().is_multiple_of(MEMORY_ALIGN) {
+        true => Ok(()),
+        false => Err(FormatError::Alignment { place, expected: MEMORY_ALIGN }),
+    }
+}
+
+/// Why a volume is not there.
+fn unopened(path: &Path, error: impl Error + Send + Sync + 'static) -> FormatError {
+    let path = path.to_owned();
+    let mut cause: Option<&(dyn Error + 'static)> = Some(&error);
+    while let Some(error) = cause {
+        if error.downcast_ref::<io::Error>().is_some_and(|error| error.kind() == io::ErrorKind::NotFound) {
+            return FormatError::Volume { path, fault: VolumeFault::Missing };
+        }
+        cause = error.source();
+    }
+    FormatError::Unread { path, source: error.into() }
 }
 
 /// The cluster at a place among those that a chained page may rest on.
