@@ -130,7 +130,9 @@ pub enum FormatError {
     #[error("metadata: {0}; the geometry may still be read")]
     Metadata(String),
     /// The file alone was opened, and its pages are in others.
-    #[error("its pages are in {count} volumes beside it; open it by its name, or join them: chpm relayout --volume-size one")]
+    #[error(
+        "its pages are in {count} volumes beside it; open it by its name, or join them: chpm relayout --volume-size one"
+    )]
     Apart {
         /// Volumes that it has.
         count: usize,

@@ -1,7 +1,9 @@
 //! Opening a file that is in memory, and reading it in place.
 
+mod volumes;
+
 use crate::MEMORY_ALIGN;
-use crate::error::{FilePart, FormatError, VolumeFault, invalid, require, require_eq};
+use crate::error::{FilePart, FormatError, invalid, require, require_eq};
 use crate::gaps::Gaps;
 use crate::header::{Header, attribute_bits};
 use crate::metadata::Metadata;
@@ -19,10 +21,7 @@ use crate::volume::{self, Unit, VolumeRecord};
 use bytemuck::Pod;
 use chpm_mesh::{ClusterId, GroupId, Scalar};
 use std::borrow::Cow;
-use std::error::Error;
-use std::io;
 use std::ops::Range;
-use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -53,29 +52,6 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         Self::open_with(data, |volumes| match volumes.len() {
             0 => Ok(Vec::new()),
             count => Err(FormatError::Apart { count }),
-        })
-    }
-
-    /// The same of a file that is at `path`, with the volumes beside it if it has any, each of which `open` is asked for.
-    ///
-    /// # Errors
-    /// As [`Chpm::open`]; [`FormatError::Volume`] and [`FormatError::Unread`] with the volume's name.
-    pub fn open_at<E: Error + Send + Sync + 'static>(
-        data: D,
-        path: &Path,
-        mut open: impl FnMut(&Path) -> Result<D, E>,
-    ) -> Result<Self, FormatError> {
-        Self::open_with(data, |records| {
-            let opened = (1..=records.len() as u32).map(|number| {
-                let path = volume::path(path, number);
-                let opened = open(&path).map_err(|error| unopened(&path, error))?;
-                let (bytes, place) = (opened.as_ref(), FilePart::Volume(number));
-                volume::check_file(records, number, bytes, bytes.len() as u64)
-                    .map_err(|fault| FormatError::Volume { path, fault })?;
-                check_alignment(bytes, place)?;
-                Ok(opened)
-            });
-            opened.collect()
         })
     }
 
@@ -175,35 +151,6 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         &self.data
     }
 
-    /// The data of its volumes, in their order; none where pages are in the file itself.
-    pub fn volumes(&self) -> &[D] {
-        &self.volumes
-    }
-
-    /// Records of its volumes.
-    pub fn volume_records(&self) -> &[VolumeRecord] {
-        self.table(SectionKind::Volumes)
-    }
-
-    /// All data: that of the file itself, and those of its volumes.
-    pub fn parts(&self) -> impl Iterator<Item = &D> {
-        std::iter::once(&self.data).chain(&self.volumes)
-    }
-
-    /// Bytes from a place in the file on, in whichever part they are; none where they are not in one.
-    pub(crate) fn at(&self, offset: u64, len: u64) -> Option<&[u8]> {
-        let (part, start) = self.place(offset);
-        let data = if part == 0 { &self.data } else { &self.volumes[part - 1] };
-        let start = usize::try_from(start).ok()?;
-        data.as_ref().get(start..start.checked_add(usize::try_from(len).ok()?)?)
-    }
-
-    /// Where a byte of the file is, as [`volume::place`] has it.
-    fn place(&self, offset: u64) -> (usize, u64) {
-        // Most files have none, and need not look for their table.
-        if self.volumes.is_empty() { (0, offset) } else { volume::place(self.volume_records(), offset) }
-    }
-
     /// Gives the data back.
     pub fn into_inner(self) -> D {
         self.data
@@ -282,23 +229,6 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     /// As [`Chpm::coarse`].
     pub fn sheet(&self, id: ClusterId) -> Result<Option<Sheet<'_>>, FormatError> {
         self.sheet_bytes(id).map_or(Ok(None), |bytes| self.sheet_in(id, bytes))
-    }
-
-    /// Where a cluster's page is: the part, 0 for the file itself and else the number of a volume, and the offset there.
-    ///
-    /// # Panics
-    /// As [`Chpm::coarse`].
-    pub fn page_place(&self, id: ClusterId) -> (usize, u64) {
-        self.place(self.clusters()[id.index()].page_offset)
-    }
-
-    /// The same of a cluster's sheet, and how many bytes there are; none if there are no sheets.
-    ///
-    /// # Panics
-    /// As [`Chpm::coarse`].
-    pub fn sheet_place(&self, id: ClusterId) -> Option<((usize, u64), u64)> {
-        let record = self.header.has_sheets().then(|| &self.sheets()[id.index()])?;
-        Some((self.place(self.sections.body().start + record.offset), record.len()))
     }
 
     /// As [`Chpm::sheet`], for the sheet's bytes in another place: read from the file, not mapped. `None` only where there are no sheets.
@@ -564,19 +494,6 @@ fn check_alignment(bytes: &[u8], place: FilePart) -> Result<(), FormatError> {
         true => Ok(()),
         false => Err(FormatError::Alignment { place, expected: MEMORY_ALIGN }),
     }
-}
-
-/// Why a volume is not there.
-fn unopened(path: &Path, error: impl Error + Send + Sync + 'static) -> FormatError {
-    let path = path.to_owned();
-    let mut cause: Option<&(dyn Error + 'static)> = Some(&error);
-    while let Some(error) = cause {
-        if error.downcast_ref::<io::Error>().is_some_and(|error| error.kind() == io::ErrorKind::NotFound) {
-            return FormatError::Volume { path, fault: VolumeFault::Missing };
-        }
-        cause = error.source();
-    }
-    FormatError::Unread { path, source: error.into() }
 }
 
 /// The cluster at a place among those that a chained page may rest on.

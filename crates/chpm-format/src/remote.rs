@@ -151,7 +151,8 @@ impl<R: FnMut(usize, u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
             let kind = SectionKind::Volumes;
             let list = source.bytes(sections.range(kind))?;
             check_sum(FilePart::Section(kind), sections.checksum(kind), &list)?;
-            volumes = list.chunks_exact(size_of::<VolumeRecord>()).map(bytemuck::pod_read_unaligned).collect();
+            volumes =
+                list.chunks_exact(size_of::<VolumeRecord>()).map(bytemuck::pod_read_unaligned).collect();
             volume::check(&volumes, sections.body())?;
         }
         let mut scalars = Vec::new();
@@ -161,7 +162,16 @@ impl<R: FnMut(usize, u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
             check_sum(FilePart::Section(kind), sections.checksum(kind), &list)?;
             scalars = scalars::decode(&list, sections.count(kind), header.attributes().scalar_words)?;
         }
-        Ok(RemoteChpm { source, header, sections, chunked, scalars, volumes, tables, parents: Arc::default() })
+        Ok(RemoteChpm {
+            source,
+            header,
+            sections,
+            chunked,
+            scalars,
+            volumes,
+            tables,
+            parents: Arc::default(),
+        })
     }
 
     /// The header.

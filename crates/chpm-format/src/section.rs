@@ -114,7 +114,9 @@ impl Sections {
             match kind {
                 Some(SectionKind::Pages | SectionKind::Texels) => Ok(()),
                 // A later minor version may have sections of other kinds; only their bytes are checked.
-                kind => check_sum(kind.map_or(place, FilePart::Section), entry.checksum, here(range.clone())?),
+                kind => {
+                    check_sum(kind.map_or(place, FilePart::Section), entry.checksum, here(range.clone())?)
+                }
             }
         })?;
         if header.has_volumes() {

@@ -94,29 +94,61 @@ pub(crate) struct Unit {
     pub(crate) checksum: u64,
 }
 
+/// Places in volumes for what is whole in one, as it comes.
+#[derive(Clone, Copy, Debug)]
+pub struct Cutter {
+    size: u64,
+    number: usize,
+    /// Where in its file the next one goes.
+    end: u64,
+}
+
+impl Cutter {
+    /// For files of at most `size` bytes.
+    pub fn new(size: u64) -> Self {
+        Cutter { size, number: 0, end: size }
+    }
+
+    /// The number, from 1, of the volume that the next `len` bytes go to, padding included, and where in its file they begin.
+    ///
+    /// # Errors
+    /// More bytes than fit a volume.
+    pub fn place(&mut self, len: u64) -> Result<(usize, u64), FormatError> {
+        if self.end.saturating_add(len) > self.size {
+            let least = HEAD_LEN.saturating_add(len);
+            let told = format_args!("at least {least}");
+            require(least <= self.size, FilePart::File, "size of a volume", told, self.size)?;
+            (self.number, self.end) = (self.number + 1, HEAD_LEN);
+        }
+        let start = self.end;
+        self.end += len;
+        Ok((self.number, start))
+    }
+}
+
 /// Volumes for units that lie one behind the other and end at `end`, of files of at most `size` bytes.
 pub(crate) fn cut(units: &[Unit], end: u64, size: u64) -> Result<Vec<VolumeRecord>, FormatError> {
     let mut volumes: Vec<VolumeRecord> = Vec::new();
-    let mut hash = Xxh3::new();
+    let (mut cutter, mut hash) = (Cutter::new(size), Xxh3::new());
     for (index, unit) in units.iter().enumerate() {
-        let behind = units.get(index + 1).map_or(end, |next| next.offset);
-        let len = behind - unit.offset;
-        let least = HEAD_LEN + len;
-        require(least <= size, FilePart::File, "size of a volume", format_args!("at least {least}"), size)?;
-        match volumes.last_mut().filter(|last| last.file_len() + len <= size) {
-            Some(last) => last.len += len,
-            None => {
-                hash = Xxh3::new();
-                volumes.push(VolumeRecord { offset: unit.offset, len, identity: 0 });
-            }
+        let len = units.get(index + 1).map_or(end, |next| next.offset) - unit.offset;
+        if cutter.place(len)?.0 > volumes.len() {
+            hash = Xxh3::new();
+            volumes.push(VolumeRecord { offset: unit.offset, len: 0, identity: 0 });
         }
         hash.update(&unit.checksum.to_le_bytes());
         if let Some(last) = volumes.last_mut() {
-            last.identity = hash.digest();
+            (last.len, last.identity) = (last.len + len, hash.digest());
         }
     }
     let (count, most) = (volumes.len(), MOST_VOLUMES as usize);
-    require(count <= most, FilePart::File, "volumes", format_args!("at most {most}, of a larger size"), count)?;
+    require(
+        count <= most,
+        FilePart::File,
+        "volumes",
+        format_args!("at most {most}, of a larger size"),
+        count,
+    )?;
     Ok(volumes)
 }
 
@@ -172,16 +204,17 @@ mod tests {
 
     #[test]
     fn cuts_are_between_units_and_every_byte_has_its_place() {
-        let units = [100, 164, 300, 364].map(|offset| Unit { offset: 4096 + offset, checksum: offset });
-        let volumes = cut(&units, 4096 + 600, HEAD_LEN + 240).unwrap();
-        assert_eq!(volumes.iter().map(|v| (v.offset, v.len)).collect::<Vec<_>>(), [(4196, 200), (4396, 64), (4460, 236)]);
-        check(&volumes, 4196..4696).unwrap();
+        let units = [104, 168, 304, 368].map(|offset| Unit { offset: 4096 + offset, checksum: offset });
+        let (size, end) = (HEAD_LEN + 240, 4096 + 608);
+        let volumes = cut(&units, end, size).unwrap();
+        let ranges: Vec<_> = volumes.iter().map(|volume| (volume.offset, volume.len)).collect();
+        assert_eq!(ranges, [(4200, 200), (4400, 64), (4464, 240)]);
+        check(&volumes, 4200..end).unwrap();
         check_units(&volumes, units.into_iter()).unwrap();
-        for (offset, place_of) in [(0, (0, 0)), (4195, (0, 4195)), (4196, (1, 4096)), (4395, (1, 4295)), (4396, (2, 4096)), (4460, (3, 4096))] {
-            assert_eq!(place(&volumes, offset), place_of);
-        }
-        assert!(cut(&units, 4696, HEAD_LEN + 235).unwrap_err().to_string().contains("at least 4332"));
-        assert!(check(&volumes[1..], 4196..4696).is_err() && check(&[], 0..0).is_err());
+        let places = [0, 4199, 4200, 4399, 4400, 4464].map(|offset| place(&volumes, offset));
+        assert_eq!(places, [(0, 0), (0, 4199), (1, 4096), (1, 4295), (2, 4096), (3, 4096)]);
+        assert!(cut(&units, end, size - 1).unwrap_err().to_string().contains("at least 4336"));
+        assert!(check(&volumes[1..], 4200..end).is_err() && check(&[], 0..0).is_err());
         assert!(check_units(&volumes, units[..3].iter().copied()).is_err());
         let moved = VolumeRecord { offset: u64::MAX - 7, ..volumes[0] };
         assert!(check(&[moved], moved.offset..7).is_err());

@@ -21,7 +21,8 @@ fn split(bytes: &[u8], size: u64) -> Result<Vec<Vec<u8>>, FormatError> {
     }
     let first = tables.first_sheet_offset()?;
     let ids = (0..tables.clusters.len() as u32).map(ClusterId);
-    let sheets = ids.clone().zip(&tables.sheets).map(|(id, record)| (first + record.offset, file.sheet_bytes(id)));
+    let sheets =
+        ids.clone().zip(&tables.sheets).map(|(id, record)| (first + record.offset, file.sheet_bytes(id)));
     let pages = ids.zip(&tables.clusters).map(|(id, record)| (record.page_offset, Some(file.page_bytes(id))));
     for (offset, stored) in sheets.chain(pages) {
         let (stored, (part, start)) = (stored.unwrap_or_default(), volume::place(&volumes, offset));
@@ -104,7 +105,10 @@ fn what_is_no_volume_of_it_is_refused_by_name() {
         assert_eq!(fault(&cut), (named(1), VolumeFault::Len { expected: len, got }));
     }
     let alone = Chpm::open(GOOD[0].clone()).unwrap_err();
-    assert!(matches!(alone, FormatError::Apart { count: 4 }) && alone.to_string().contains("relayout"), "{alone}");
+    assert!(
+        matches!(alone, FormatError::Apart { count: 4 }) && alone.to_string().contains("relayout"),
+        "{alone}"
+    );
     let unread = Chpm::open_at(GOOD[0].clone(), Path::new("scan.chpm"), |_| {
         Err::<Vec<u8>, _>(io::Error::from(io::ErrorKind::PermissionDenied))
     });
@@ -131,7 +135,8 @@ fn heads_are_looked_at() {
 /// Whatever a table of volumes says that is not so is refused, whoever made its checksums right.
 #[test]
 fn the_table_of_volumes_is_not_believed() {
-    let table = entries(&GOOD[0]).into_iter().find(|entry| entry.kind == SectionKind::Volumes as u32).unwrap();
+    let table =
+        entries(&GOOD[0]).into_iter().find(|entry| entry.kind == SectionKind::Volumes as u32).unwrap();
     for at in table.offset as usize..(table.offset + table.len) as usize {
         for bit in 0..8 {
             let mut main = GOOD[0].clone();
@@ -163,7 +168,7 @@ fn ranges_of_volumes_say_what_the_whole_says() {
         let (here, there) = (file.page(id).unwrap(), whole.page(id).unwrap());
         assert_eq!(here.view().positions, there.view().positions);
     }
-    for len in [0, 4096, GOOD[0].len() as u64 - 1, GOOD[0].len() as u64 + 1] {
+    for len in [0, 256, GOOD[0].len() as u64 - 1, GOOD[0].len() as u64 + 1] {
         assert!(RemoteChpm::open(len, read).is_err(), "{len}");
     }
 }
