@@ -97,7 +97,7 @@ pub(crate) fn print(
 
 /// A file's own name, for people.
 fn name(file: &MappedFile) -> String {
-    in_line(&file.path().file_name().unwrap_or_default().to_string_lossy())
+    in_line(&file.path().file_name().unwrap_or_default().to_string_lossy()).into_owned()
 }
 
 fn print_model(file: &Chpm<MappedFile>, metadata: Option<&Metadata>, out: &mut impl Write) -> io::Result<()> {

@@ -83,10 +83,11 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 }
 
 fn verify(args: &Args, stop: &Stop) -> Result<Verification> {
-    let map = MappedFile::open(&args.file)?;
-    map.advise(Access::Sequential);
-    match opened(map) {
-        Ok(file) => reading(&file, || look(&file, args, stop)),
+    match opened(MappedFile::open(&args.file)?) {
+        Ok(file) => {
+            file.parts().for_each(|part| part.advise(Access::Sequential));
+            reading(&file, || look(&file, args, stop))
+        }
         // A file that does not even open is what a verification is there to find, not a failure to verify.
         Err(error) => Ok(Verification::unopened(&error)),
     }

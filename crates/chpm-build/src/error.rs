@@ -1,6 +1,5 @@
 //! Errors of a build.
 
-use crate::config::Volumes;
 use crate::progress::Stage;
 use crate::report::Reached;
 use chpm_extmem::Cancelled;
@@ -85,11 +84,11 @@ pub enum BuildError {
     },
     /// Volumes are so small that there would be too many files.
     #[error(
-        "--volume-size {volumes} would take more than {most} files at a time while they are written; give it more"
+        "--volume-size {size} would take more than {most} files at a time while they are written; give it more"
     )]
     TooManyVolumes {
-        /// Their size.
-        volumes: Volumes,
+        /// Their size, bytes.
+        size: u64,
         /// Most files.
         most: u64,
     },

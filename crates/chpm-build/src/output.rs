@@ -111,7 +111,7 @@ impl OutputFiles {
         let Some(size) = self.volumes.size() else { return Ok(()) };
         let count = end.div_ceil(size);
         if count > MOST_OPEN {
-            return Err(BuildError::TooManyVolumes { volumes: self.volumes, most: MOST_OPEN });
+            return Err(BuildError::TooManyVolumes { size, most: MOST_OPEN });
         }
         while (self.parts.len() as u64) < count {
             let path = volume::path(self.main.path(), self.parts.len() as u32 + 1);
