@@ -180,7 +180,10 @@ impl OutputFiles {
             self.main.publish()
         };
         if let Err(error) = rename() {
-            new.iter().for_each(|path| drop(fs::remove_file(path)));
+            // It may have its name, and only its folder have failed.
+            if volumes_of(&model) != volumes {
+                new.iter().for_each(|path| drop(fs::remove_file(path)));
+            }
             return Err(error.into());
         }
         remove(&model, &old, volumes.len() as u32);
