@@ -77,7 +77,7 @@ fn is_of(built: &[(String, String)], settings: &Settings) -> bool {
     asked.eq(&settings.describe()) && (settings.fewer_for_texels || !is_dense)
 }
 
-/// What a file that is there says of itself.
+/// Facts that a file that is there tells of itself.
 struct Built {
     metadata: Metadata,
     /// Whether its pages are in the files that are asked for.

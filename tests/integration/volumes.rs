@@ -136,7 +136,7 @@ fn volumes_that_are_not_its_own_are_named_with_the_remedy() {
 }
 
 impl Folder {
-    /// What a verb says that finds faults.
+    /// Output of a verb that finds faults.
     fn stdout_of_faulty(&self, words: &str) -> String {
         text(&self.chpm(words).code(1).get_output().stdout)
     }

@@ -20,6 +20,12 @@ function build(pages) {
   return readdirSync(folder).filter((name) => /^in\.\d{4}\.pages$/.test(name)).sort();
 }
 
+/** Reads all pages. */
+async function everything(file) {
+  await file.needTables();
+  await file.eachPage(Array.from({ length: file.header.clusterCount }, (_, id) => id), () => {});
+}
+
 const finest = async (file) => trianglesOfMesh(await extract(file, await select(file, level(0))));
 
 test("a volume is beside its model, and is named as it is", () => {
@@ -41,6 +47,7 @@ test("a model in volumes is the model, wherever it comes from", { skip }, async 
     try {
       const file = await open(httpSource(`${host.url}/in.chpm`));
       assert.deepEqual(await finest(file), expected);
+      await everything(file);
       assert.ok(file.source.statistics.bytes > bytes.slice(1).reduce((sum, { length }) => sum + length - 8192, 0));
       assert.deepEqual([...new Set(host.requests.map(({ file }) => file))].sort(), [...names, "in.chpm"].sort());
     } finally {
@@ -53,7 +60,7 @@ test("what is not its volume is named", { skip }, async () => {
   const names = build("raw");
   const bytes = ["in.chpm", ...names].map((name) => readFileSync(at(name)));
   const told = async (volumes, pattern) =>
-    await assert.rejects(async () => finest(await open(memorySource(bytes[0], volumes))), (error) => error instanceof ChpmError && pattern.test(error.message));
+    await assert.rejects(async () => everything(await open(memorySource(bytes[0], volumes))), (error) => error instanceof ChpmError && pattern.test(error.message));
   await told([], /in \d volumes, which are not here.*relayout/);
   await told([bytes[1].subarray(0, 9000), ...bytes.slice(2)], /volume 1 has 9000 bytes/);
   chpm("build", at("in.ply"), "-o", at("other.chpm"), "-f", "-q", "--cluster-triangles", "128", "--volume-size", "100K");
@@ -61,13 +68,13 @@ test("what is not its volume is named", { skip }, async () => {
   readFileSync(at("other.0002.pages")).copy(other, 0, 0, Math.min(other.length, readFileSync(at("other.0002.pages")).length));
   await told([bytes[1], other, ...bytes.slice(3)], /volume 2 is not volume 2 of/);
   const [file, first] = ["in.chpm", names[0]].map((name, i) => new File([bytes[i]], name));
-  await assert.rejects(async () => finest(await open(blobSource(file, [file, first]))), /in\.0002\.pages is not here/);
-  await assert.rejects(async () => finest(await open(blobSource(file))), /volumes, which are not here/);
+  await assert.rejects(async () => everything(await open(blobSource(file, [file, first]))), /in\.0002\.pages is not here/);
+  await assert.rejects(async () => everything(await open(blobSource(file))), /volumes, which are not here/);
   // A host that has not all of them.
   const host = await serve([folder]);
   host.state.gone.add(names[1]);
   try {
-    await assert.rejects(async () => finest(await open(httpSource(`${host.url}/in.chpm`))), /in\.0002\.pages is not there/);
+    await assert.rejects(async () => everything(await open(httpSource(`${host.url}/in.chpm`))), /in\.0002\.pages is not there/);
   } finally {
     host.close();
   }

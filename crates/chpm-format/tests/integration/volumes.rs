@@ -31,7 +31,7 @@ fn split(bytes: &[u8], size: u64) -> Result<Vec<Vec<u8>>, FormatError> {
     Ok(parts)
 }
 
-/// What is asked for by the name of a volume.
+/// Opens the file, with each volume by its name.
 fn open(parts: &[Vec<u8>]) -> Result<Chpm<Vec<u8>>, FormatError> {
     let model = Path::new("folder/scan.chpm");
     Chpm::open_at(parts[0].clone(), model, |path| {
