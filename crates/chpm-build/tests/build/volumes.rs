@@ -32,7 +32,7 @@ fn stored(site: &Site) -> u64 {
 #[test]
 fn sets_replace_one_another_and_nothing_else() {
     let site = Site::of(&Synth::new(Shape::Sphere, 2_000, 0).to_mesh());
-    let own = site.output().with_file_name("mesh.0009.pages");
+    let own = site.output().with_file_name("mesh.0999.pages");
     fs::write(&own, "mine").unwrap();
     for (size, packed) in
         [("24K", false), ("64K", true), ("one", false), ("40K", true), ("24K", true), ("1T", false)]
