@@ -2,7 +2,9 @@
 
 use crate::number;
 use anyhow::{Context, Result, ensure};
-use chpm_build::config::{Bounds, Layout, Length, MissingImages, Normals, Positions, Texture, Topology};
+use chpm_build::config::{
+    Bounds, Layout, Length, MissingImages, Normals, Positions, Texture, Topology, Volumes,
+};
 use chpm_build::{BuildConfig, FailPoints, MIN_MEMORY, Resources, Settings, Trace};
 use chpm_format::BoundaryMode;
 use chpm_mesh::Bytes;
@@ -89,6 +91,12 @@ pub(crate) struct SettingsArgs {
     /// How pages are stored
     #[arg(long, value_name = "HOW", value_enum, default_value_t = Pages::Raw)]
     pages: Pages,
+    /// Pages in files of their own beside the output, of at most SIZE each
+    ///
+    /// SCAN.0001.pages and so on for SCAN.chpm, for places that have no larger files, such as FAT32 (4000M) or a store of objects. They belong
+    /// together by name: rename all, or none. one, or 0, is a single file, and so is that of chpm relayout --volume-size one.
+    #[arg(long, value_name = "SIZE", hide_short_help = true, default_value_t = Settings::default().volumes)]
+    volume_size: Volumes,
     /// exact, lattice:auto or lattice:BITS: position quantization
     ///
     /// How many digits coordinates keep: exact (all that singles hold) or lattice:BITS (also written quantized:BITS), BITS from 8 to
@@ -313,6 +321,7 @@ impl SettingsArgs {
             layout: if settings.no_layout { Layout::Simplification } else { settings.order.layout() },
             packed: settings.pages != Pages::Raw,
             chained: settings.pages == Pages::Chained,
+            volumes: settings.volume_size,
             positions: settings.positions,
             ..Settings::default()
         })

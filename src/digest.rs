@@ -52,6 +52,17 @@ pub(crate) fn print(
         Bytes(sizes.padding),
         Bytes(sizes.tables),
     )?;
+    if let (Some(first), Some(last)) = (file.volumes().first(), file.volumes().last()) {
+        let largest = file.volumes().iter().map(|volume| volume.len() as u64).max().unwrap_or(0);
+        writeln!(
+            out,
+            "volumes    {} of up to {}, {} to {}; they go where the model goes, and are named as it is",
+            Counted(file.volumes().len() as u64, "file"),
+            Bytes(largest),
+            name(first),
+            name(last),
+        )?;
+    }
     if sizes.sheets > 0 {
         let texels = |sheet: &SheetRecord| u64::from(sheet.size[0]) * u64::from(sheet.size[1]);
         let largest = file.sheets().iter().flat_map(|sheet| sheet.size).max().unwrap_or(0);
@@ -82,6 +93,11 @@ pub(crate) fn print(
         writeln!(out, "look at    {remark}")?;
     }
     print_drawables(file, out)
+}
+
+/// A file's own name, for people.
+fn name(file: &MappedFile) -> String {
+    in_line(&file.path().file_name().unwrap_or_default().to_string_lossy()).into_owned()
 }
 
 fn print_model(file: &Chpm<MappedFile>, metadata: Option<&Metadata>, out: &mut impl Write) -> io::Result<()> {

@@ -4,6 +4,7 @@ mod format;
 mod streamed;
 mod textured;
 
+use crate::cmd::check_unchanged;
 use crate::companions::{Buffer, Written, container};
 use crate::escape::in_line;
 use crate::frame::Frame;
@@ -400,7 +401,7 @@ impl<'m, 'a> Ready<'m, 'a> {
             json::print(&origin, &mut aside)?;
             written.beside.push(aside);
         }
-        file.get_ref().check_unchanged()?;
+        check_unchanged(file)?;
         meter.finish();
         Ok(written)
     }

@@ -136,6 +136,8 @@ mod integration {
     mod trace;
     /// What a camera needs: extracted without cracks, and less where it is far away.
     mod view;
+    /// Pages in files of their own: the model is the same, and what is not theirs is refused by name.
+    mod volumes;
     /// Camera paths and walks along them.
     mod walk;
     /// A browser gets what it needs, and nothing else.

@@ -8,7 +8,7 @@ use crate::page::Page;
 use crate::section::{self, Section};
 use crate::selection::{self, Selection};
 use crate::view::row;
-use chpm_extmem::MappedFile;
+use chpm_extmem::{ExtmemError, MappedFile};
 use chpm_format::{Chpm, ErrorKind};
 use chpm_mesh::{ClusterId, Scalar};
 use chpm_rays::Seek;
@@ -29,10 +29,17 @@ pub(crate) struct Model {
 
 impl Model {
     pub(crate) fn open(path: PathBuf) -> Result<Self, Failure> {
-        match Chpm::open(MappedFile::open(&path)?) {
+        let map = MappedFile::open(&path)?;
+        let real = map.real_path();
+        match Chpm::open_at(map, &real, MappedFile::open) {
             Ok(file) => Ok(Model { file, path }),
             Err(source) => Err(Failure::Open { path, source }),
         }
+    }
+
+    /// Whether the file and its volumes are as they were opened.
+    pub(crate) fn check(&self) -> Result<(), ExtmemError> {
+        self.file.parts().try_for_each(MappedFile::check_unchanged)
     }
 
     /// Does what reads the file. Where it was changed meanwhile, that is the error.
@@ -41,7 +48,7 @@ impl Model {
         work: impl FnOnce(&Chpm<MappedFile>) -> Result<T, Failure>,
     ) -> Result<T, Failure> {
         let result = work(&self.file);
-        self.file.get_ref().check_unchanged()?;
+        self.check()?;
         result.map_err(|failure| failure.of(&self.path))
     }
 }
@@ -273,7 +280,7 @@ impl File {
     /// FileError
     ///     If somebody has cut it short or changed it: then arrays that look into it show the change, or zeros.
     fn check(&self) -> Result<(), Failure> {
-        Ok(self.model()?.file.get_ref().check_unchanged()?)
+        Ok(self.model()?.check()?)
     }
 
     /// Takes one mesh without cracks out of the file, the same that ``chpm extract`` writes.

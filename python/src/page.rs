@@ -39,7 +39,7 @@ impl Held {
             None => Parsed::view(file.page_bytes(self.cluster)),
         };
         // It was checked once; where the file was cut short since, it is all zeros.
-        page.map_err(|error| match file.get_ref().check_unchanged() {
+        page.map_err(|error| match self.model.check() {
             Ok(()) => Failure::from(error).of(&self.model.path),
             Err(changed) => changed.into(),
         })

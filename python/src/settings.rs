@@ -140,6 +140,9 @@ fn settings(given: &Given<'_>) -> Result<Settings, Failure> {
     if let Some(pages) = given.word("pages", &pages)? {
         (settings.packed, settings.chained) = pages;
     }
+    if let Some(volumes) = given.parsed("volume_size")? {
+        settings.volumes = volumes;
+    }
     if let Some(positions) = given.parsed("positions")? {
         settings.positions = positions;
     }

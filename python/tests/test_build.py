@@ -41,6 +41,27 @@ def words(settings):
         yield "--no-colors" if name == "colors" else f"--{name.replace('_', '-')}={value}"
 
 
+def test_pages_go_to_volumes_and_are_read_from_them(source, tmp_path):
+    settings = {"volume_size": "200K", "cluster_triangles": 256}
+    conftest.run("build", source, "-o", tmp_path / "command.chpm", "-q", *words(settings))
+    with chpm.build(source, tmp_path / "own.chpm", **settings) as file, chpm.build(source, tmp_path / "one.chpm", cluster_triangles=256) as one:
+        volumes = sorted(tmp_path.glob("own.*.pages"))
+        assert len(volumes) > 1
+        for own in [tmp_path / "own.chpm", *volumes]:
+            assert own.read_bytes() == own.with_name(own.name.replace("own", "command")).read_bytes()
+        mesh, expected = file.select(level=0), one.select(level=0)
+        assert np.array_equal(mesh.positions, expected.positions) and np.array_equal(mesh.triangles, expected.triangles)
+        file.check()
+        os.utime(volumes[-1], (0, 0))
+        with pytest.raises(chpm.FileError, match=r"pages' was changed"):
+            file.check()
+    volumes[0].unlink()
+    with pytest.raises(chpm.DamagedError, match=r"own\.0001\.pages' is not there"):
+        chpm.open(tmp_path / "own.chpm")
+    with pytest.raises(ValueError, match="volume_size: 'huge' is no size"):
+        chpm.build(source, tmp_path / "bad.chpm", volume_size="huge")
+
+
 @pytest.mark.parametrize("settings", SETTINGS, ids=lambda settings: "-".join(settings) or "none")
 def test_a_file_is_built_to_the_bytes_of_the_command(source, tmp_path, settings):
     conftest.run("build", source, "-o", tmp_path / "command.chpm", "-q", *words(settings))

@@ -5,7 +5,7 @@ use crate::cmd;
 use anyhow::Result;
 use chpm_build::{Cancel, Settings};
 use chpm_extmem::platform::modified;
-use chpm_format::LATTICE_STEP;
+use chpm_format::{LATTICE_STEP, Metadata, Source, Tables, VolumeRecord};
 use chpm_import::{Images, input};
 use std::fmt::Write;
 use std::fs;
@@ -39,13 +39,15 @@ pub(crate) fn need(
     if chpm_extmem::target(output, true).is_err() {
         return Need::Build("output is no file");
     }
-    let Ok((generator, built_with, len, hash)) = built(output) else {
+    let Ok(Built { metadata, volumes }) = built(output, settings) else {
         return Need::Build("output unreadable");
     };
+    let Metadata { generator, settings: built_with, source: Source { byte_len: len, hash, .. }, .. } =
+        metadata;
     if generator != GENERATOR {
         return Need::Build("other version");
     }
-    if !is_of(&built_with, settings) {
+    if !is_of(&built_with, settings) || !volumes {
         return Need::Build("other settings");
     }
     // A source that cannot be read is a build's error to tell.
@@ -75,12 +77,22 @@ fn is_of(built: &[(String, String)], settings: &Settings) -> bool {
     asked.eq(&settings.describe()) && (settings.fewer_for_texels || !is_dense)
 }
 
-/// Generator, settings, length and hash of the source, as a file has them.
-type Built = (String, Vec<(String, String)>, u64, u64);
+/// Facts that a file that is there tells of itself.
+struct Built {
+    metadata: Metadata,
+    /// Whether its pages are in the files that are asked for.
+    volumes: bool,
+}
 
-fn built(output: &Path) -> Result<Built> {
-    let metadata = cmd::open(output)?.metadata()?;
-    Ok((metadata.generator, metadata.settings, metadata.source.byte_len, metadata.source.hash))
+fn built(output: &Path, settings: &Settings) -> Result<Built> {
+    let file = cmd::open(output)?;
+    let mut tables = Tables::of(&file)?;
+    tables.header.volume_size = settings.volumes.size();
+    let volumes = tables.volumes().is_ok_and(|volumes| {
+        let lens = |volumes: &[VolumeRecord]| volumes.iter().map(|volume| volume.len).collect::<Vec<_>>();
+        lens(&volumes) == lens(file.volume_records())
+    });
+    Ok(Built { metadata: tables.metadata, volumes })
 }
 
 /// Sizes and times of a source's files; empty if one cannot be looked at.

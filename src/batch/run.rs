@@ -181,7 +181,7 @@ impl Row {
         let file = cmd::open(&self.output)?;
         let metadata = file.metadata()?;
         self.triangles = file.header().source_triangle_count;
-        self.output_bytes = fs::metadata(&self.output)?.len();
+        self.output_bytes = file.stored_len();
         self.hash = fingerprint::hash_text(metadata.source.hash);
         self.warnings = metadata.warnings;
         Ok(())

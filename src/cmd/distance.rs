@@ -65,7 +65,7 @@ fn to_json(pair: &Pair, error: f64, answers: &[Answer]) -> near::Distance {
 
 fn print(args: &Args, pair: &Pair, answers: &[Answer], out: &mut impl Write) -> Result<()> {
     let diagonal = pair.diagonal();
-    let all: u64 = pair.models.iter().map(|model| model.file.header().file_len).sum();
+    let all: u64 = pair.models.iter().map(|model| model.file.stored_len()).sum();
     if let [answer] = answers {
         let [a, b] = &pair.models;
         writeln!(

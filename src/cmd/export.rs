@@ -4,7 +4,7 @@ mod archive;
 mod folder;
 mod meshlets;
 
-use super::{Verdict, open, reading, stdout};
+use super::{Verdict, check_unchanged, open, reading, stdout};
 use crate::crs::CrsArgs;
 use crate::georeference::{self, At, Georeference};
 use crate::json::{self, made, named};
@@ -307,7 +307,7 @@ impl Work<'_> {
             let made: Vec<T> = made.collect::<Result<_>>()?;
             made.into_iter().try_for_each(&mut take)?;
         }
-        self.file.get_ref().check_unchanged()?;
+        check_unchanged(self.file)?;
         Ok(())
     }
 

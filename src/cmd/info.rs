@@ -5,7 +5,7 @@ use super::{Verdict, open, reading, stdout, word};
 use crate::caches::{self, Drawn};
 use crate::digest::{self, Sizes, boundary, error_kind, max_distance, normals_from};
 use crate::escape::in_line;
-use crate::json::file::{Corners, Counts, FileBytes, Info, InfoScalar, InfoSource, VertexCache};
+use crate::json::file::{Corners, Counts, FileBytes, Info, InfoScalar, InfoSource, InfoVolume, VertexCache};
 use crate::json::{self, named};
 use crate::memory::{self, MemoryArgs};
 use crate::progress::line;
@@ -208,9 +208,9 @@ fn named_parts(parts: [f64; PARTS.len()]) -> Map<String, Value> {
 }
 
 /// All of it, for programs.
-fn info<D: AsRef<[u8]>>(
+fn info(
     path: &Path,
-    file: &Chpm<D>,
+    file: &Chpm<MappedFile>,
     metadata: Option<&Metadata>,
     levels: Vec<LevelRow>,
     sizes: &Sizes,
@@ -252,12 +252,18 @@ fn info<D: AsRef<[u8]>>(
             per_triangle: per_triangle(sizes.file, h.source_triangle_count),
             parts: None,
         },
+        volumes: file.volumes().iter().map(volume).collect(),
         vertex_cache: None,
         source: metadata.map(source),
         settings: metadata.map(|metadata| report::object(metadata.settings.clone())),
         repairs: metadata.map(|metadata| report::object(metadata.repairs.clone())),
         warnings: metadata.map(|metadata| metadata.warnings.clone()),
     }
+}
+
+/// A file of pages, for programs.
+fn volume(file: &MappedFile) -> InfoVolume {
+    InfoVolume { file: named(file.path()), bytes: file.len() as u64 }
 }
 
 /// Facts of the source.

@@ -116,15 +116,25 @@ pub(crate) fn run(command: Command, stop: &Stop) -> Result<Verdict> {
 
 /// Maps and opens a file.
 pub(crate) fn open(path: &Path) -> Result<Chpm<MappedFile>> {
-    let file = Chpm::open(MappedFile::open(path)?);
-    Ok(file.with_context(|| format!("cannot open '{}'", path.display()))?.watched(MappedFile::note_read))
+    opened(MappedFile::open(path)?).with_context(|| format!("cannot open '{}'", path.display()))
+}
+
+/// Opens a file that is mapped, and its volumes beside it.
+pub(crate) fn opened(map: MappedFile) -> Result<Chpm<MappedFile>, FormatError> {
+    let path = map.real_path();
+    Ok(Chpm::open_at(map, &path, MappedFile::open)?.watched(MappedFile::note_read))
+}
+
+/// Whether all that was read of a file up to now is as it was when it was opened.
+pub(crate) fn check_unchanged(file: &Chpm<MappedFile>) -> Result<(), ExtmemError> {
+    file.parts().try_for_each(MappedFile::check_unchanged)
 }
 
 /// Does what reads a file. Where the file was changed meanwhile, that is the error, whatever came of it; an error in what the
 /// file holds names it.
 pub(crate) fn reading<T>(file: &Chpm<MappedFile>, work: impl FnOnce() -> Result<T>) -> Result<T> {
     let result = work();
-    file.get_ref().check_unchanged()?;
+    check_unchanged(file)?;
     result.map_err(|error| {
         let is_of_file = error.chain().any(|cause| is_about(file, cause));
         match is_of_file && !error.is::<Unreadable>() {

@@ -1,6 +1,6 @@
 //! `chpm path`: makes a camera path for a file.
 
-use super::{Verdict, open, reading};
+use super::{Verdict, check_unchanged, open, reading};
 use crate::memory::{self, MemoryArgs};
 use crate::number;
 use crate::output;
@@ -87,7 +87,7 @@ fn make(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> {
         *camera = Camera { up, ..view::from_file(file, camera) };
     }
     write!(text, "{path}")?;
-    file.get_ref().check_unchanged()?;
+    check_unchanged(file)?;
     text.publish()?;
     writeln!(out, "{}: {}", args.output.display(), Counted(args.frames.into(), "frame"))?;
     out.flush()?;

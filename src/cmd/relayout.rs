@@ -8,17 +8,17 @@ use crate::progress::Meter;
 use crate::stop::Stop;
 use crate::threads::ThreadArgs;
 use anyhow::{Result, ensure};
+use chpm_build::config::Volumes;
 use chpm_build::page_order::{self, Run};
-use chpm_extmem::{AtomicFile, MappedFile, same_file};
-use chpm_format::{Chpm, ClusterRecord, FormatError, Tables, checksum, packed};
+use chpm_build::{Append, FailPoints, OutputFiles};
+use chpm_extmem::{MappedFile, same_file};
+use chpm_format::{Chpm, ClusterRecord, FormatError, Tables, checksum, packed, volume};
 use chpm_mesh::{Aabb, Bytes, ClusterId, GroupId};
 use clap::ValueEnum;
 use rayon::prelude::*;
 use std::cmp::Reverse;
 use std::io::Write;
-#[cfg(feature = "web")]
-use std::path::Path;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Pages that are worked on before they are written.
 const BATCH: usize = 64;
@@ -32,11 +32,14 @@ pub(crate) struct Args {
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// How pages are stored; as they are if not given
-    #[arg(long, value_name = "HOW", value_enum, required_unless_present = "order")]
+    #[arg(long, value_name = "HOW", value_enum, required_unless_present_any = ["order", "volume_size"])]
     pages: Option<Pages>,
     /// In which order pages are; as they are if not given
     #[arg(long, value_name = "NAME", value_enum)]
     order: Option<Order>,
+    /// Pages in files of their own beside the output, of at most SIZE each; in one file with it if not given, or one
+    #[arg(long, value_name = "SIZE", default_value_t = Volumes::One)]
+    volume_size: Volumes,
     /// Replace the output if it exists
     #[arg(short, long)]
     force: bool,
@@ -73,7 +76,8 @@ pub(super) fn store_pages(
 ) -> Result<u64> {
     let (file, output) = (file.to_owned(), output.to_owned());
     let (order, force, threads, pages) = (None, false, ThreadArgs::default(), Some(pages));
-    rewrite(&Args { file, output, pages, order, force, threads, quiet, memory, shown }, stop)
+    let volume_size = Volumes::One;
+    rewrite(&Args { file, output, pages, order, volume_size, force, threads, quiet, memory, shown }, stop)
 }
 
 /// Writes the file, and says how long it is.
@@ -81,7 +85,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let before = open(&args.file)?;
     let len = rewrite(args, stop)?;
     output::finish(&args.output);
-    let (from, triangles) = (before.header().file_len, before.header().source_triangle_count.max(1) as f64);
+    let (from, triangles) = (before.stored_len(), before.header().source_triangle_count.max(1) as f64);
     let mut out = stdout();
     writeln!(
         out,
@@ -99,7 +103,9 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 /// Bytes of the file that is written.
 fn rewrite(args: &Args, stop: &Stop) -> Result<u64> {
     output::RELAYOUT.check(&args.output)?;
-    let is_input = same_file(&args.file, &args.output);
+    // Also where only volumes are called alike.
+    let is_same = |a: &Path, b: &Path| same_file(a, b) || same_file(&volume::path(a, 1), &volume::path(b, 1));
+    let is_input = is_same(&args.file, &args.output);
     ensure!(!is_input, "the output '{}' is the input itself; choose another name", args.output.display());
     let pool = args.threads.pool()?;
     let file = open(&args.file)?;
@@ -129,24 +135,29 @@ fn write(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<u64> {
         "'{}' has sheets, which know triangles by their order, and chained pages have another: store it with --pages packed",
         args.file.display()
     );
+    tables.header.volume_size = args.volume_size.size();
     (tables.header.packed, tables.header.chained) = (pages != Pages::Raw, pages == Pages::Chained);
     tables.header.chunked = true;
     let ids = order(file, args.order);
     tables.reorder(&ids);
 
-    let out = AtomicFile::create(&args.output, args.force)?;
-    write_sheets(file, &ids, &tables, &out)?;
+    let mut out = OutputFiles::create(&args.output, args.volume_size, args.force, FailPoints::default())?;
+    let mut append = out.append(tables.first_sheet_offset()?);
+    write_sheets(file, &ids, &tables, &mut out, &mut append)?;
     let align = if tables.header.packed { chpm_format::PACKED_ALIGN } else { chpm_format::PAGE_ALIGN };
-    let mut offset = tables.first_page_offset()?;
+    let mut end = 0;
     meter.start("relayout", ids.len() as u64);
     let mut places = Vec::new();
     for (batch, records) in ids.chunks(BATCH).zip(tables.clusters.chunks_mut(BATCH)) {
         crate::stop::check(&cancel)?;
         let stored = batch.par_iter().map(|id| store(file, *id, pages)).collect::<Result<Vec<_>, _>>()?;
         for (record, (bytes, flag)) in records.iter_mut().zip(stored) {
-            out.write_all_at(&bytes, offset)?;
-            places.push(offset);
-            offset = (offset + bytes.len() as u64).next_multiple_of(align);
+            let len = (bytes.len() as u64).next_multiple_of(align);
+            let place = append.next(len)?;
+            end = place + len;
+            out.make_room(end)?;
+            out.write_all_at(&bytes, place)?;
+            places.push(place);
             record.page_len = bytes.len() as u32;
             record.page_checksum = checksum(&bytes);
             record.flags = record.flags & ClusterRecord::TRIMMED | flag;
@@ -156,24 +167,31 @@ fn write(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<u64> {
     meter.finish();
     if pages == Pages::Chained {
         let check = || crate::stop::check(&cancel);
-        let places = chpm_build::chain(&out, &mut tables, &places, offset, check)?;
+        let places = chpm_build::chain(&mut out, &mut tables, &places, end, check)?;
         chpm_build::close_up(&out, &mut tables, &places, check)?;
     }
 
-    let head = tables.encode()?;
-    out.set_len(tables.file_len()?)?;
-    out.write_all_at(&head, 0)?;
-    out.publish()?;
-    Ok(tables.file_len()?)
+    Ok(out.publish(&mut tables)?)
 }
 
 /// Writes the sheets of the clusters, which no order of pages changes.
-fn write_sheets(file: &Chpm<MappedFile>, ids: &[ClusterId], tables: &Tables, out: &AtomicFile) -> Result<()> {
-    let first = tables.first_sheet_offset()?;
-    for (id, record) in ids.iter().zip(&tables.sheets) {
+fn write_sheets(
+    file: &Chpm<MappedFile>,
+    ids: &[ClusterId],
+    tables: &Tables,
+    out: &mut OutputFiles,
+    append: &mut Append,
+) -> Result<()> {
+    // The first page comes right behind the last sheet's padding.
+    let pages = tables.first_page_offset()? - tables.first_sheet_offset()?;
+    let ends = tables.sheets.iter().skip(1).map(|next| next.offset).chain([pages]);
+    for ((id, record), end) in ids.iter().zip(&tables.sheets).zip(ends) {
         // One that is damaged is told, and not copied.
         file.sheet(*id)?;
-        out.write_all_at(file.sheet_bytes(*id).unwrap_or_default(), first + record.offset)?;
+        let len = end - record.offset;
+        let place = append.next(len)?;
+        out.make_room(place + len)?;
+        out.write_all_at(file.sheet_bytes(*id).unwrap_or_default(), place)?;
     }
     Ok(())
 }

@@ -2,7 +2,7 @@
 
 mod rays;
 
-use super::{Verdict, build, temporary};
+use super::{Verdict, build, check_unchanged, temporary};
 use crate::batch::inputs;
 use crate::escape::in_line;
 use crate::json::{self, seen};
@@ -131,7 +131,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let Views { cameras, why, note } = views(args, || {
         // It names the file of two that it is about; a change meanwhile is the reason for whatever came of it.
         let portrait = viewer.portrait(args.stance.up, args.stance.side);
-        viewer.files().try_for_each(|file| file.get_ref().check_unchanged())?;
+        viewer.files().try_for_each(|file| check_unchanged(file))?;
         Ok((portrait?, viewer.origin()))
     })?;
     let model = viewer.files().map(|file| file.header().source_triangle_count).sum();

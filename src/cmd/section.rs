@@ -1,6 +1,6 @@
 //! `chpm section`: the lines that planes cut out of a model.
 
-use super::{Verdict, open, reading};
+use super::{Verdict, check_unchanged, open, reading};
 use crate::crs::CrsArgs;
 use crate::georeference::{At, Georeference, Placed};
 use crate::json::{self, made, named};
@@ -192,7 +192,7 @@ impl Work<'_> {
         }
 
         // Before the file gets its name: what was read has to be what was opened.
-        file.get_ref().check_unchanged()?;
+        check_unchanged(file)?;
         let format = target.as_ref().map(|target| target.format);
         if let (Some(drawing), Some(mut target)) = (drawing, target) {
             drawing.end(&sheet, &mut target.output)?;

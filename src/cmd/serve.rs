@@ -10,6 +10,7 @@ use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::{Html, IntoResponse, Redirect, Response};
 use chpm_extmem::platform;
+use chpm_format::volume;
 use percent_encoding::{NON_ALPHANUMERIC, percent_decode_str, utf8_percent_encode};
 use std::borrow::Cow;
 use std::fs;
@@ -108,16 +109,21 @@ impl Served {
         Ok(Served { folder, only: Some(name), list: false, is_local, last: Mutex::default() })
     }
 
-    /// A .chpm file in the folder, also if the way there has links, but not if it leads out of the folder.
+    /// A .chpm file in the folder, or a volume of one, also if the way there has links, but not if it leads out of the folder.
     fn find(&self, path: &str) -> Option<PathBuf> {
+        let volume = volume_of(path);
+        let model = volume.as_ref().map_or(path, |(model, _)| model);
         let may_be = match &self.only {
-            Some(only) => only == path,
-            None => !path.split('/').any(|part| part.starts_with('.')),
+            Some(only) => only == model,
+            None => !model.split('/').any(|part| part.starts_with('.')),
         };
-        if !may_be || !path.ends_with(".chpm") {
+        if !may_be || !model.ends_with(".chpm") {
             return None;
         }
-        let found = fs::canonicalize(self.folder.join(path)).ok()?;
+        let mut found = fs::canonicalize(self.folder.join(model)).ok().filter(|found| found.is_file())?;
+        if let Some((_, number)) = volume {
+            found = fs::canonicalize(volume::path(&found, number)).ok()?;
+        }
         (found.starts_with(&self.folder) && found.is_file()).then_some(found)
     }
 
@@ -140,10 +146,18 @@ impl Served {
     fn names(&self) -> Vec<String> {
         let entries = fs::read_dir(&self.folder).into_iter().flatten().flatten();
         let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
-        let mut names: Vec<String> = names.filter(|name| self.find(name).is_some()).collect();
+        let is_model = |name: &String| volume_of(name).is_none() && self.find(name).is_some();
+        let mut names: Vec<String> = names.filter(is_model).collect();
         names.sort_unstable();
         names
     }
+}
+
+/// The model that something of this name is a volume of, and its number: `a.chpm` and 1 for `a.0001.pages`.
+fn volume_of(path: &str) -> Option<(String, u32)> {
+    let (stem, digits) = path.strip_suffix(".pages")?.rsplit_once('.')?;
+    let is_number = digits.len() == 4 && digits.bytes().all(|byte| byte.is_ascii_digit());
+    Some((format!("{stem}.chpm"), digits.parse().ok().filter(|_| is_number)?))
 }
 
 /// The page's address for a file.

@@ -1,6 +1,6 @@
 //! `chpm verify`: every byte and invariant of a file, with `--against` its leaves and the source, with `--errors` what it says of distances, with `--cuts` random cuts.
 
-use super::{Verdict, open, reading, stdout};
+use super::{Verdict, open, opened, reading, stdout};
 use crate::args::StorageArgs;
 use crate::certified;
 use crate::json::{self, judged, named};
@@ -83,11 +83,9 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 }
 
 fn verify(args: &Args, stop: &Stop) -> Result<Verification> {
-    let map = MappedFile::open(&args.file)?;
-    map.advise(Access::Sequential);
-    match Chpm::open(map) {
+    match opened(MappedFile::open(&args.file)?) {
         Ok(file) => {
-            let file = file.watched(MappedFile::note_read);
+            file.parts().for_each(|part| part.advise(Access::Sequential));
             reading(&file, || look(&file, args, stop))
         }
         // A file that does not even open is what a verification is there to find, not a failure to verify.

@@ -2,7 +2,7 @@
 
 #[cfg(feature = "viewer")]
 use super::stdout;
-use super::{Verdict, open, reading};
+use super::{Verdict, check_unchanged, open, reading};
 use crate::json::{self, seen};
 use crate::memory;
 use crate::number;
@@ -145,7 +145,7 @@ fn follow(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<Verdict> 
         meter.add(1);
     }
     meter.finish();
-    file.get_ref().check_unchanged()?;
+    check_unchanged(file)?;
     if let Some(csv) = csv {
         write_csv(&frames, csv)?;
     }

@@ -112,6 +112,8 @@ pub(crate) struct Info {
     #[cfg_attr(test, schemars(with = "Vec<LevelKeys>"))]
     pub(crate) levels: Vec<LevelRow>,
     pub(crate) bytes: FileBytes,
+    /// Files of pages beside the file, in their order; none where pages are in it
+    pub(crate) volumes: Vec<InfoVolume>,
     /// Misses of a cache of vertices; with `--cache` only
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) vertex_cache: Option<VertexCache>,
@@ -123,6 +125,16 @@ pub(crate) struct Info {
     pub(crate) repairs: Option<Map<String, Value>>,
     /// As in `chpm-build/1`
     pub(crate) warnings: Option<Vec<String>>,
+}
+
+/// A file of pages.
+#[derive(Serialize, Debug)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct InfoVolume {
+    /// Its name
+    pub(crate) file: String,
+    /// Its length
+    pub(crate) bytes: u64,
 }
 
 /// A named scalar of the vertices.

@@ -1,6 +1,7 @@
 //! The mesh of a cut with its sheets: a GLB that has them, or a glTF, an OBJ or a PLY with images beside it.
 
 use super::{MeshFormat, Ready, facts};
+use crate::cmd::check_unchanged;
 use crate::companions::{Companions, Written, container};
 use crate::progress::Meter;
 use crate::stop;
@@ -86,7 +87,7 @@ impl Ready<'_, '_> {
             MeshFormat::Stl => bail!("an STL has no room for images: choose .glb, .gltf, .obj or .ply"),
         };
         written.beside.extend(beside.into_files());
-        file.get_ref().check_unchanged()?;
+        check_unchanged(file)?;
         Ok(written)
     }
 }

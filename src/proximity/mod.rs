@@ -79,7 +79,7 @@ impl Opened {
         near::Model {
             path: named(&self.path),
             triangles: self.file.header().source_triangle_count,
-            bytes: self.file.header().file_len,
+            bytes: self.file.stored_len(),
             diagonal: self.diagonal(),
         }
     }

@@ -243,7 +243,7 @@ impl<'a> Scalars<'a> {
         near::Model {
             path: named(&self.args.file),
             triangles: header.source_triangle_count,
-            bytes: header.file_len,
+            bytes: self.file.stored_len(),
             diagonal: header.aabb().diagonal(),
         }
     }

@@ -42,7 +42,7 @@ pub(crate) const FILES: &[WebFile] = web_files! {
         "view/colors.js", "view/drawing.js", "view/facing.js", "view/glide.js", "view/line.js", "view/main.js", "view/model.js", "view/nest.js", "view/occlusion.js", "view/orbit.js",
         "view/outline.js", "view/overlay.js", "view/painter.js", "view/panel.js", "view/pick.js", "view/renderer.js", "view/section.js", "view/texture.js", "view/worker.js",
         "chpm/index.js", "chpm/chained.js", "chpm/copies.js", "chpm/decoder.js", "chpm/file.js", "chpm/frustum.js", "chpm/mesh.js", "chpm/packed.js", "chpm/page.js", "chpm/pieces.js", "chpm/prefetched.js", "chpm/records.js",
-        "chpm/regions.js", "chpm/select.js", "chpm/sheets.js", "chpm/source.js", "chpm/three.js", "chpm/xxh3.js", "chpm/zstd.js";
+        "chpm/regions.js", "chpm/select.js", "chpm/sheets.js", "chpm/source.js", "chpm/three.js", "chpm/volumes.js", "chpm/xxh3.js", "chpm/zstd.js";
 };
 
 /// Facts that a page for one model is given beside the model itself.
@@ -103,7 +103,11 @@ const MOST_FIRST: u64 = 1 << 20;
 
 /// Ranges that a page asks for at once: the beginning of the file, and the roots' pages.
 fn first(file: &Chpm<MappedFile>) -> Vec<[u64; 2]> {
-    let head = [0, file.header().file_len.min(32 << 10)];
+    let head = [0, (file.bytes().len() as u64).min(32 << 10)];
+    // The page learns from these where its volumes are.
+    if file.header().has_volumes() {
+        return vec![head];
+    }
     let roots = file.roots().map(|root| &file.clusters()[root.index()]);
     let ends = roots.map(|root| (root.page_offset, root.page_offset + u64::from(root.page_len)));
     let (start, end) = ends.fold((u64::MAX, 0), |(low, high), (from, to)| (low.min(from), high.max(to)));

@@ -178,7 +178,7 @@ fn use_file(bytes: Vec<u8>) -> Result<Ended, Failure> {
 
 /// Reads all pages that ranges of the file lead to from the roots; how many.
 fn use_ranges(bytes: &[u8]) -> Result<usize, FormatError> {
-    let mut file = RemoteChpm::open(bytes.len() as u64, |offset, out: &mut [u8]| {
+    let mut file = RemoteChpm::open(bytes.len() as u64, |_, offset, out: &mut [u8]| {
         let range = offset as usize..offset as usize + out.len();
         out.copy_from_slice(bytes.get(range).ok_or(io::ErrorKind::UnexpectedEof)?);
         Ok(())

@@ -88,6 +88,7 @@ fn every_key_is_documented_and_appears() {
     folder.stdout("build dusty.ply -q --cluster-triangles 512");
     folder.stdout("path orbit in.chpm --frames 2 -o in.path");
     folder.stdout("extract in.chpm --triangles 500 -o small.ply -q");
+    folder.stdout("relayout in.chpm -o apart.chpm --volume-size 1M -q");
     folder.write("one.poses", "0,0,0\n");
     folder.write("some.rays", "0,0,9,0,0,-1\n0,0,9,0,0,1\n");
 
@@ -107,6 +108,7 @@ fn every_key_is_documented_and_appears() {
         ("info", "info in.chpm --json", 0),
         ("info", "info odd.chpm --cache --parts --json", 0),
         ("info", "info named.chpm --json", 0),
+        ("info", "info apart.chpm --json", 0),
         ("stats", "stats in.chpm --json --measured measured.json", 0),
         ("stats", "stats odd.chpm --json", 0),
         ("stats", "stats a.chpm --json", 0),

@@ -59,7 +59,7 @@ const EDGES: [(&str, &[&str]); 21] = [
 ];
 
 /// The modules of chpm-build: each may use those before it.
-const LAYERS: [&str; 28] = [
+const LAYERS: [&str; 29] = [
     "trace",
     "progress",
     "report",
@@ -83,6 +83,7 @@ const LAYERS: [&str; 28] = [
     "trim",
     "sheets",
     "layout",
+    "output",
     "chain",
     "emit",
     "checkpoint",

@@ -469,6 +469,7 @@ fn the_reader_and_the_page_pass_their_tests() {
         "worker.test.mjs",
         "tabs.test.mjs",
         "contrast.test.mjs",
+        "volumes.test.mjs",
     ];
     let out = Command::new("node").current_dir(tests).env("CHPM", CHPM).arg("--test").args(names).output();
     let out = out.expect("a process");

@@ -2,9 +2,10 @@
 
 import { partsAbove, placeAbove } from "./chained.js";
 import { decode } from "./decoder.js";
-import { CHUNKS, CLUSTERS, GROUPS, MEMBERS, NONE, SCALARS, TEXELS, TEXTURES, expect, readCluster, readGroup, readHeader, readScalars, readSections, viewOf } from "./records.js";
+import { CHUNKS, CLUSTERS, GROUPS, MEMBERS, NONE, PAGES, SCALARS, TEXELS, TEXTURES, VOLUMES, expect, readCluster, readGroup, readHeader, readScalars, readSections, viewOf } from "./records.js";
 import { Sheets } from "./sheets.js";
 import { ChpmError, readExactly, readSound } from "./source.js";
+import { readVolumes, volumesSource } from "./volumes.js";
 import { xxh3 } from "./xxh3.js";
 import { expand } from "./zstd.js";
 
@@ -98,7 +99,7 @@ export class ChpmFile {
     this.#decoder = decoder;
     this.#source = source;
     this.#tables = tables;
-    this.#pages = sections.get(6);
+    this.#pages = sections.get(PAGES);
     this.header = header;
     /** The sheets, where clusters have some; else null. */
     this.sheets = header.hasSheets ? new Sheets(source, sections.get(TEXTURES), sections.get(TEXELS), zstd) : null;
@@ -354,13 +355,15 @@ export async function open(source, { signal, first = FIRST, zstd = expand, decod
   }
 }
 
-async function begin(source, signal, first, zstd, decoder) {
-  const bytes = await source.read(0, first, signal);
+async function begin(main, signal, first, zstd, decoder) {
+  const bytes = await main.read(0, first, signal);
   const header = readHeader(bytes, xxh3);
-  const size = await source.size();
-  const complete = size === undefined || size === header.fileLength;
-  expect(complete, () => `the file has ${size} bytes, and should have ${header.fileLength}: it is cut short or has something behind it`);
+  const size = await main.size();
   const sections = readSections(header, bytes, xxh3);
+  const length = header.hasVolumes ? sections.get(header.hasSheets ? TEXELS : PAGES).offset : header.fileLength;
+  const complete = size === undefined || size === length;
+  expect(complete, () => `the file has ${size} bytes, and should have ${length}: it is cut short or has something behind it`);
+  const source = header.hasVolumes ? await withVolumes(main, header, sections.get(VOLUMES), length, bytes, signal) : main;
 
   header.scalars = await scalarsOf(source, header, sections.get(SCALARS), bytes, signal);
   const chunks = sections.get(CHUNKS);
@@ -406,15 +409,24 @@ async function takeAll(source, tables, signal) {
   await readSound(source, start, end - start, "the tables", signal, (all) => absent.forEach((table) => takeWhatCame(table, start, all)));
 }
 
+/** The file with its volumes, as one. */
+async function withVolumes(main, header, section, end, bytes, signal) {
+  const list = await listOf(main, section, "the list of volumes", bytes, signal);
+  return volumesSource(main, readVolumes(list, end, header.fileLength));
+}
+
 /** The named scalars of the vertices. */
 async function scalarsOf(source, header, section, bytes, signal) {
-  if (!section) return [];
-  const { offset, length } = section;
-  expect(length <= 1 << 20, () => `a list of scalars of ${length} bytes`);
+  return section ? readScalars(header, section, await listOf(source, section, "the list of scalars", bytes, signal)) : [];
+}
+
+/** All of a small section, which may be among the first bytes. */
+async function listOf(source, { offset, length, checksum }, what, bytes, signal) {
+  expect(length <= 1 << 20, () => `${what} has ${length} bytes`);
   const there = offset + length <= bytes.byteLength;
-  const list = there ? bytes.slice(offset, offset + length) : await readExactly(source, offset, length, "the list of scalars", signal);
-  expect(xxh3(list) === section.checksum, () => "the list of scalars is damaged: its checksum is another one");
-  return readScalars(header, section, list);
+  const list = there ? bytes.slice(offset, offset + length) : await readExactly(source, offset, length, what, signal);
+  expect(xxh3(list) === checksum, () => `${what} is damaged: its checksum is another one`);
+  return list;
 }
 
 async function readChunks(source, section, of, bytes, signal) {

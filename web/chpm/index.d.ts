@@ -6,6 +6,8 @@ export class ChpmError extends Error {
 
 /** Where bytes come from. */
 export interface Source {
+  /** The file of a volume, by its number from 1, where pages may be in some. */
+  volume?(number: number): Source;
   /** How messages call it. */
   readonly name: string;
   /** Bytes of the whole file, if they are known. */
@@ -32,12 +34,14 @@ export interface HttpOptions {
 /** A file on a host that answers range requests. What the browser's cache has of it, in the version that the host has, is not fetched again. */
 export function httpSource(url: string | URL, options?: HttpOptions): HttpSource;
 /** A file that somebody picked or dropped. */
-export function blobSource(blob: Blob): Source;
+/** @param files that came with it, where its volumes may be among them */
+export function blobSource(blob: Blob, files?: Iterable<File>): Source;
 /** A file that `chpm share --split` cut into pieces, in a folder of a host that sends whole files only. */
 export function piecesSource(folder: string | URL, pieces: { length: number; size: number }, options?: HttpOptions): HttpSource;
 /** A source of which some ranges (offset, length) are asked for at once. */
 export function prefetched<S extends Source>(source: S, ranges: [number, number][]): S;
-export function memorySource(bytes: ArrayBuffer | ArrayBufferView): Source;
+/** @param volumes bytes of its volumes, if it has any */
+export function memorySource(bytes: ArrayBuffer | ArrayBufferView, volumes?: (ArrayBuffer | ArrayBufferView)[]): Source;
 
 /** Lengths are in units of the model; positions, boxes and spheres are relative to `origin`. */
 export interface Header {

@@ -10,12 +10,14 @@ export const MEMBERS = 3;
 export const SCALARS = 7;
 export const TEXTURES = 8;
 export const TEXELS = 9;
+export const VOLUMES = 10;
+export const PAGES = 6;
 export const CHUNKS = 0x80000001;
 
 const HEADER_LEN = 256;
 const ENTRY_LEN = 40;
 const MAX_SECTIONS = 64;
-const KINDS = { 1: 128, 2: 64, 3: 4, 4: 128, 5: 0, 6: 0, 7: 0, 8: 64, 9: 0 };
+const KINDS = { 1: 128, 2: 64, 3: 4, 4: 128, 5: 0, 6: 0, 7: 0, 8: 64, 9: 0, 10: 24 };
 /** Types of scalars, by their numbers less one. */
 const SCALAR_TYPES = ["int8", "uint8", "int16", "uint16", "int32", "uint32", "float32", "float64"];
 const MAGIC = [0x89, 0x43, 0x48, 0x50, 0x4d, 0x0d, 0x0a, 0x1a];
@@ -25,6 +27,7 @@ const OCTAHEDRAL = 2;
 const SCALARS_FLAG = 4;
 const SHEETS = 8;
 const CHAINED = 16;
+const VOLUMES_FLAG = 64;
 
 export function expect(is, message) {
   if (!is) throw new ChpmError(message());
@@ -35,7 +38,7 @@ export function viewOf(bytes) {
 }
 
 // Offsets are below 2^53 in any file that a browser can reach.
-function u64(view, at) {
+export function u64(view, at) {
   const value = view.getBigUint64(at, true);
   expect(value <= BigInt(Number.MAX_SAFE_INTEGER), () => `a number of ${value} at byte ${at} is too large`);
   return Number(value);
@@ -54,7 +57,7 @@ export function readHeader(bytes, xxh3) {
   const sum = view.getBigUint64(248, true);
   expect(xxh3(bytes.subarray(0, 248)) === sum, () => "the header is damaged: its checksum is another one");
   const required = view.getUint32(16, true);
-  expect((required & ~(PACKED | OCTAHEDRAL | SCALARS_FLAG | SHEETS | CHAINED)) === 0, () => `the file uses features that this reader does not know (${required})`);
+  expect((required & ~(PACKED | OCTAHEDRAL | SCALARS_FLAG | SHEETS | CHAINED | VOLUMES_FLAG)) === 0, () => `the file uses features that this reader does not know (${required})`);
 
   const header = {
     versionMinor: view.getUint16(10, true),
@@ -62,6 +65,8 @@ export function readHeader(bytes, xxh3) {
     hasSheets: (required & SHEETS) !== 0,
     /** Whether packed pages may rest on one above. */
     isChained: (required & CHAINED) !== 0,
+    /** Whether pages are in files of their own. */
+    hasVolumes: (required & VOLUMES_FLAG) !== 0,
     fileLength: u64(view, 24),
     sectionCount: view.getUint32(32, true),
     pageAlign: view.getUint32(40, true),
@@ -131,7 +136,8 @@ export function readSections(header, bytes, xxh3) {
   }
   for (const kind in KINDS) {
     const isOfSheets = Number(kind) === TEXTURES || Number(kind) === TEXELS;
-    const isNeeded = isOfSheets ? header.hasSheets : Number(kind) !== SCALARS || header.scalarWords > 0;
+    const isOptional = Number(kind) === VOLUMES ? header.hasVolumes : Number(kind) !== SCALARS || header.scalarWords > 0;
+    const isNeeded = isOfSheets ? header.hasSheets : isOptional;
     expect(sections.has(Number(kind)) === isNeeded, () => `section kind ${kind} is ${isNeeded ? "missing" : "there without what it is of"}`);
   }
   const counts = [[CLUSTERS, header.clusterCount], [GROUPS, header.groupCount]];

@@ -10,20 +10,34 @@ export class ChpmError extends Error {
   }
 }
 
-/** Bytes that are in memory: an ArrayBuffer, or a view of one. */
-export function memorySource(bytes) {
+/** The address or name of a volume, by its number from 1: scan.0001.pages for scan.chpm. */
+export function volumeOf(model, number) {
+  const [, name, rest] = /^([^?#]*)(.*)$/s.exec(String(model));
+  return `${name.replace(/\.chpm$/, "")}.${String(number).padStart(4, "0")}.pages${rest}`;
+}
+
+/** Bytes that are in memory: an ArrayBuffer, or a view of one; and those of its volumes, if it has any. */
+export function memorySource(bytes, volumes = []) {
   const all = bytes instanceof ArrayBuffer ? new Uint8Array(bytes) : new Uint8Array(bytes.buffer, bytes.byteOffset, bytes.byteLength);
   return {
     name: "memory",
+    volume: volumes.length > 0 ? (number) => ({ ...memorySource(volumes[number - 1] ?? new Uint8Array()), name: `volume ${number}` }) : undefined,
     size: async () => all.byteLength,
     read: async (offset, length) => all.slice(offset, offset + length),
   };
 }
 
-/** A Blob or File, as a page gets it from a file input or by dropping. */
-export function blobSource(blob) {
+/** A Blob or File, as a page gets it from a file input or by dropping; and files that came with it, where its volumes may be among them. */
+export function blobSource(blob, files = []) {
+  const volume = (number) => {
+    const name = volumeOf(blob.name, number);
+    const found = [...files].find((file) => file.name === name);
+    if (!found) throw new ChpmError(`${name} is not here, and has pages of ${blob.name}: give all of its files together`);
+    return blobSource(found);
+  };
   return {
     name: blob.name ?? "blob",
+    volume: files.length > 1 ? volume : undefined,
     size: async () => blob.size,
     read: async (offset, length) => new Uint8Array(await blob.slice(offset, offset + length).arrayBuffer()),
   };
@@ -44,7 +58,8 @@ const BUSY = [408, 425, 429, 500, 502, 503, 504];
  * @param {{ fetch?: typeof fetch, headers?: Record<string, string>, waits?: number[], patience?: number, isWhole?: boolean }} [options] with `isWhole` it is always
  *   read in full, and no range is asked for
  */
-export function httpSource(url, { fetch: get = (...request) => fetch(...request), headers = {}, waits = WAITS, patience = PATIENCE, isWhole = false } = {}) {
+export function httpSource(url, options = {}) {
+  const { fetch: get = (...request) => fetch(...request), headers = {}, waits = WAITS, patience = PATIENCE, isWhole = false } = options;
   const name = String(url);
   let size;
   let version;
@@ -124,6 +139,8 @@ export function httpSource(url, { fetch: get = (...request) => fetch(...request)
     statistics,
     /** Bytes of the whole file: known once something was read from a host that tells it. */
     size: async () => size,
+    /** The file of a volume, which is beside it. */
+    volume: (number) => httpSource(volumeOf(name, number), options),
     read,
   };
 }

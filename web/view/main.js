@@ -282,12 +282,16 @@ function listen() {
   });
   state.orbit.onTouch = () => spun !== null && spin(false);
   new ResizeObserver(() => (state.orbit.fit(), changed())).observe(canvas);
-  const take = (file) => file && show(blobSource(file), file.name);
-  $("file").addEventListener("input", () => take($("file").files[0]));
+  // A model's volumes come with it.
+  const take = (files) => {
+    const file = [...files].find(({ name }) => name.endsWith(".chpm")) ?? files[0];
+    if (file) show(blobSource(file, files), file.name);
+  };
+  $("file").addEventListener("input", () => take([...$("file").files]));
   addEventListener("dragover", (event) => event.preventDefault());
   addEventListener("drop", (event) => {
     event.preventDefault();
-    take(event.dataTransfer.files[0]);
+    take([...event.dataTransfer.files]);
   });
 }
 

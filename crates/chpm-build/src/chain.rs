@@ -1,7 +1,7 @@
 //! Chaining of pages that lie in the output as they are, level by level from the top: each is told by one above, in the order that this one has got.
 
 use crate::error::BuildError;
-use chpm_extmem::AtomicFile;
+use crate::output::OutputFiles;
 use chpm_format::{ClusterRecord, PACKED_ALIGN, Page, Remnant, Tables, checksum, packed};
 use rayon::prelude::*;
 use std::cmp::Reverse;
@@ -27,10 +27,10 @@ struct Stored {
 /// # Errors
 /// [`BuildError::Extmem`] where the file cannot be read or written, [`BuildError::Format`] for a page that is none, and what `check` answers.
 pub fn chain<E: From<BuildError>>(
-    out: &AtomicFile,
+    out: &mut OutputFiles,
     tables: &mut Tables,
     places: &[u64],
-    mut end: u64,
+    end: u64,
     check: impl Fn() -> Result<(), E>,
 ) -> Result<Vec<u64>, E> {
     let raw: Vec<Place> =
@@ -40,52 +40,54 @@ pub fn chain<E: From<BuildError>>(
     let levels = tables.clusters.iter().map(|cluster| cluster.level);
     let mut order: Vec<(Reverse<u32>, u32)> = levels.map(Reverse).zip(0..).collect();
     order.sort_unstable();
-    let mut stored = vec![0; raw.len()];
+    let (mut stored, mut append) = (vec![0; raw.len()], out.append(end.next_multiple_of(PACKED_ALIGN)));
     for level in order.chunk_by(|a, b| a.0 == b.0) {
         for batch in level.chunks(BATCH * rayon::current_num_threads()) {
             check()?;
             let done = (batch.par_iter())
-                .map(|(_, id)| store(out, &raw, *id, &tables.members[above[*id as usize].clone()]));
+                .map(|(_, id)| store(&*out, &raw, *id, &tables.members[above[*id as usize].clone()]));
             let done = done.collect::<Result<Vec<_>, _>>()?;
             for ((_, id), page) in batch.iter().zip(done) {
                 let record = &mut tables.clusters[*id as usize];
                 record.page_len = page.bytes.len() as u32;
                 record.page_checksum = checksum(&page.bytes);
                 record.flags = record.flags & !ClusterRecord::PACKED | page.flag;
-                out.write_all_at(&page.bytes, end).map_err(BuildError::from)?;
-                stored[*id as usize] = end;
-                end = (end + page.bytes.len() as u64).next_multiple_of(PACKED_ALIGN);
+                let len = (page.bytes.len() as u64).next_multiple_of(PACKED_ALIGN);
+                let place = append.next(len)?;
+                out.make_room(place + len)?;
+                out.write_all_at(&page.bytes, place)?;
+                stored[*id as usize] = place;
                 let Some(packed::Chained { raw: ordered, vertices }) = page.ordered else { continue };
                 renumber(&mut tables.remnants, *id, &vertices);
-                out.write_all_at(&ordered, raw[*id as usize].0).map_err(BuildError::from)?;
+                out.write_all_at(&ordered, raw[*id as usize].0)?;
             }
         }
     }
     Ok(stored)
 }
 
-/// Moves stored pages together, in their order: none comes to lie on one that has not been moved. Answers the file's length.
+/// Moves stored pages together, in their order: none comes to lie on one that has not been moved, for each was placed by at least the length that it has.
 ///
 /// # Errors
 /// As [`chain`].
 pub fn close_up<E: From<BuildError>>(
-    out: &AtomicFile,
+    out: &OutputFiles,
     tables: &mut Tables,
     places: &[u64],
     check: impl Fn() -> Result<(), E>,
-) -> Result<u64, E> {
-    let len = tables.assign_offsets().map_err(BuildError::from)?;
+) -> Result<(), E> {
+    tables.assign_offsets().map_err(BuildError::from)?;
+    let place_of = out.places(tables)?;
     let mut page = Vec::new();
     for (record, place) in tables.clusters.iter().zip(places) {
         check()?;
         page.resize(record.page_len as usize, 0);
-        out.read_exact_at(&mut page, *place).map_err(BuildError::from)?;
+        out.read_exact_at(&mut page, *place)?;
         // What was there before must not show between pages.
         page.resize(page.len().next_multiple_of(PACKED_ALIGN as usize), 0);
-        out.write_all_at(&page, record.page_offset).map_err(BuildError::from)?;
+        out.write_all_at(&page, place_of(record.page_offset))?;
     }
-    out.set_len(len).map_err(BuildError::from)?;
-    Ok(len)
+    Ok(())
 }
 
 /// By cluster, the range of members that it replaces, in ascending order as the file has them.
@@ -104,7 +106,7 @@ fn above(tables: &mut Tables) -> Vec<Range<usize>> {
     above
 }
 
-fn store(out: &AtomicFile, places: &[Place], id: u32, above: &[u32]) -> Result<Stored, BuildError> {
+fn store(out: &OutputFiles, places: &[Place], id: u32, above: &[u32]) -> Result<Stored, BuildError> {
     let raw = read(out, places[id as usize])?;
     let raw: &[u8] = &bytemuck::cast_slice(&raw)[..places[id as usize].1];
     let mut bytes = Vec::new();
@@ -123,7 +125,7 @@ fn store(out: &AtomicFile, places: &[Place], id: u32, above: &[u32]) -> Result<S
 }
 
 /// The bytes of a page, in words since it is looked at in place.
-fn read(out: &AtomicFile, (at, len): Place) -> Result<Vec<u32>, BuildError> {
+fn read(out: &OutputFiles, (at, len): Place) -> Result<Vec<u32>, BuildError> {
     let mut words = vec![0u32; len.div_ceil(size_of::<u32>())];
     out.read_exact_at(&mut bytemuck::cast_slice_mut(&mut words)[..len], at)?;
     Ok(words)

@@ -86,6 +86,8 @@ pub struct Settings {
     pub packed: bool,
     /// Whether packed pages are chained, each told by one above, in fewer bytes again. Not with sheets, which know triangles by their order.
     pub chained: bool,
+    /// Files that pages go to.
+    pub volumes: Volumes,
     /// Whether positions keep all digits that singles hold, or lie on a lattice.
     pub positions: Positions,
     /// How the model is shown ([`chpm_format::shown`]), by name and value.
@@ -125,6 +127,7 @@ impl Default for Settings {
             layout: Layout::VertexCache,
             packed: false,
             chained: false,
+            volumes: Volumes::One,
             positions: Positions::Exact,
             shown: Vec::new(),
         }
@@ -209,6 +212,65 @@ impl fmt::Display for Layout {
             Layout::Simplification => "simplification",
         })
     }
+}
+
+/// Files that pages go to. It is no setting that a file tells of: its volumes show it, and splitting or joining them changes nothing else.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub enum Volumes {
+    /// The model's own file.
+    #[default]
+    One,
+    /// Files beside it, of at most so many bytes each.
+    Of(Size),
+}
+
+/// Bytes of a volume's file: at least a page of memory, at most 2^50.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct Size(u64);
+
+impl Volumes {
+    /// Most bytes of a volume's file, if there are to be any.
+    pub fn size(self) -> Option<u64> {
+        match self {
+            Volumes::One => None,
+            Volumes::Of(Size(size)) => Some(size),
+        }
+    }
+}
+
+impl fmt::Display for Volumes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Volumes::One => write!(f, "one"),
+            Volumes::Of(Size(size)) => write!(f, "{size}"),
+        }
+    }
+}
+
+impl FromStr for Volumes {
+    type Err = VolumesError;
+
+    fn from_str(text: &str) -> Result<Self, VolumesError> {
+        let error = || VolumesError { got: text.to_owned() };
+        if text == "one" {
+            return Ok(Volumes::One);
+        }
+        match text.parse::<Bytes>().map_err(|_| error())?.0 {
+            0 => Ok(Volumes::One),
+            size if (1 << 12..=1 << 50).contains(&size) => Ok(Volumes::Of(Size(size))),
+            _ => Err(error()),
+        }
+    }
+}
+
+/// A text that is no [`Volumes`].
+#[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
+#[error(
+    "'{got}' is no size of a volume: write bytes, as in 4000M, from 4K to 1024T, or one for a single file"
+)]
+pub struct VolumesError {
+    /// The text.
+    pub got: String,
 }
 
 /// Treatment of the source's coordinates.
@@ -428,6 +490,18 @@ mod tests {
         assert_eq!(settings.triangles_for(f64::INFINITY, 12), Some(256));
         let asked = Settings { fewer_for_texels: false, ..settings };
         assert_eq!(asked.triangles_for(6.7e7, 12), None);
+    }
+
+    #[test]
+    fn sizes_of_volumes_are_read_as_bytes() {
+        let size = |text: &str| text.parse().map(Volumes::size);
+        assert_eq!((size("one"), size("0")), (Ok(None), Ok(None)));
+        assert_eq!((size("4000M"), size("64 KiB")), (Ok(Some(4000 << 20)), Ok(Some(65_536))));
+        assert_eq!(size("1024T").map(|size| size.map(u64::ilog2)), Ok(Some(50)));
+        for bad in ["", "4095", "1025T", "two", "-1", "1,5G"] {
+            assert_eq!(size(bad), Err(VolumesError { got: bad.to_owned() }));
+        }
+        assert_eq!("70000".parse::<Volumes>().unwrap().to_string().parse(), "70000".parse::<Volumes>());
     }
 
     #[test]

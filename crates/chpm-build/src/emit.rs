@@ -8,11 +8,11 @@ use crate::error::BuildError;
 use crate::fingerprint::GENERATOR;
 use crate::hierarchy::Tree;
 use crate::ingest::{self, Source, SourceFacts};
+use crate::output::OutputFiles;
 use crate::report::{LevelReport, Repairs};
 use crate::sheets::Sheets;
 use crate::simplify::Clusters;
 use crate::trim::Built;
-use chpm_extmem::AtomicFile;
 use chpm_format::{
     ClusterRecord, ErrorKind, GroupRecord, HeaderFields, LATTICE_STEP, LevelRecord, Metadata, Remnant,
     Source as Provenance, Tables,
@@ -90,17 +90,19 @@ pub(crate) struct Written {
 /// The file while it is written. The lengths of the pages are known from the start and decide where each goes, so that
 /// pages are written as they come, from many threads; the tables follow, and then the file gets its name.
 pub(crate) struct Output<'a> {
-    out: AtomicFile,
+    out: OutputFiles,
     tables: Tables,
+    /// Of each page, by the length that it has before it is packed with others.
+    places: Vec<u64>,
     order: &'a [u32],
     tree: &'a Tree,
-    len: u64,
+    end: u64,
 }
 
 impl<'a> Output<'a> {
     /// Places the pages of the nodes in `order`, and writes their sheets.
     pub(crate) fn begin(
-        out: AtomicFile,
+        mut out: OutputFiles,
         order: &'a [u32],
         built: &'a Built,
         known: &Known,
@@ -130,6 +132,7 @@ impl<'a> Output<'a> {
                 packed: settings.packed,
                 chained: settings.is_chained(),
                 chunked: true,
+                volume_size: settings.volumes.size(),
             },
             clusters: order.iter().map(placed).collect(),
             groups,
@@ -144,20 +147,24 @@ impl<'a> Output<'a> {
         };
 
         let len = tables.assign_offsets()?;
-        out.set_len(len)?;
+        let place_of = out.places(&tables)?;
+        let places = tables.clusters.iter().map(|record| place_of(record.page_offset)).collect();
+        // The last byte is there, and whatever is behind it begins there.
+        let end = place_of(len - 1) + 1;
+        out.make_room(end)?;
         if let Some(sheets) = sheets {
             let (first, mut bytes) = (tables.first_sheet_offset()?, Vec::new());
             for (node, record) in order.iter().zip(&tables.sheets) {
                 sheets.read(*node, &mut bytes)?;
-                out.write_all_at(&bytes, first + record.offset)?;
+                out.write_all_at(&bytes, place_of(first + record.offset))?;
             }
         }
-        Ok(Output { out, tables, order, tree, len })
+        Ok(Output { out, tables, places, order, tree, end })
     }
 
     /// Writes the page of the cluster at `place` in the order.
     pub(crate) fn write_page(&self, place: usize, payload: &[u8]) -> Result<(), BuildError> {
-        Ok(self.out.write_all_at(payload, self.tables.clusters[place].page_offset)?)
+        self.out.write_all_at(payload, self.places[place])
     }
 
     /// Writes the tables and publishes the file.
@@ -166,7 +173,6 @@ impl<'a> Output<'a> {
         records: Vec<(ClusterRecord, Vec<Remnant>)>,
         context: &Context<'_>,
     ) -> Result<Written, BuildError> {
-        let mut places: Vec<u64> = self.tables.clusters.iter().map(|record| record.page_offset).collect();
         self.tables.remnants.clear();
         for (cluster, (_, remnants)) in (0..).zip(&records) {
             self.tables.remnants.extend(remnants.iter().map(|remnant| Remnant { cluster, ..*remnant }));
@@ -174,17 +180,15 @@ impl<'a> Output<'a> {
         self.tables.clusters = records.into_iter().map(|(record, _)| record).collect();
         let check = || context.check();
         if self.tables.header.chained {
-            places = chain(&self.out, &mut self.tables, &places, self.len, check)?;
+            self.places = chain(&mut self.out, &mut self.tables, &self.places, self.end, check)?;
         }
         if self.tables.header.packed {
-            self.len = close_up(&self.out, &mut self.tables, &places, check)?;
+            close_up(&self.out, &mut self.tables, &self.places, check)?;
         }
         nest(&mut self.tables, self.order, self.tree);
         let roots = self.tables.clusters.iter().filter(|c| c.is_root()).count() as u32;
-        let head = self.tables.encode()?;
-        self.out.write_all_at(&head, 0)?;
-        self.out.publish()?;
-        Ok(Written { len: self.len, clusters: self.order.len() as u32, roots })
+        let len = self.out.publish(&mut self.tables)?;
+        Ok(Written { len, clusters: self.order.len() as u32, roots })
     }
 }
 

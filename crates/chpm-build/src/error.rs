@@ -76,6 +76,22 @@ pub enum BuildError {
     /// The partitioner failed.
     #[error("cannot partition: {0}")]
     Partition(#[from] chpm_partition::PartitionError),
+    /// Something that is no volume has the name of one.
+    #[error("'{}' is to be a volume of the model, and is something else; move it, or choose another name for the model", path.display())]
+    NoVolume {
+        /// The file that is there.
+        path: PathBuf,
+    },
+    /// Volumes are so small that there would be too many files.
+    #[error(
+        "--volume-size {size} would take more than {most} files at a time while they are written; give it more"
+    )]
+    TooManyVolumes {
+        /// Their size, bytes.
+        size: u64,
+        /// Most files.
+        most: u64,
+    },
     /// The file that is being written would not be valid.
     #[error("cannot write the file: {0}")]
     Format(#[from] chpm_format::FormatError),

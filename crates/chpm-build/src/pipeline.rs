@@ -6,10 +6,11 @@ use crate::config::{BuildConfig, Positions, Resources, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
 use crate::fingerprint::Fingerprint;
+use crate::output::OutputFiles;
 use crate::progress::{BuildProgress, Stage};
 use crate::report::BuildReport;
 use crate::{allowance, decompose, emit, hierarchy, ingest, layout, sheets, simplify, trim};
-use chpm_extmem::{AtomicFile, Cancel, ExtmemError, Lock, Store, WorkDir, process};
+use chpm_extmem::{Cancel, ExtmemError, Lock, Store, WorkDir, process};
 use chpm_import::Supply;
 use chpm_mesh::Counted;
 use std::fs::File;
@@ -63,7 +64,8 @@ fn make(
     // Lock, partial file and work belong to the file that is written, by whatever link it is named.
     let output = &chpm_extmem::target(output, config.overwrite)?;
     let _lock = Lock::acquire(output)?;
-    let out = AtomicFile::create_with(output, config.overwrite, config.resources.fail_points.clone())?;
+    let fail_points = config.resources.fail_points.clone();
+    let out = OutputFiles::create(output, config.settings.volumes, config.overwrite, fail_points)?;
     let resources = &config.resources;
     let folder = resources.work_dir.as_deref().unwrap_or(beside(output));
     let source = &take(folder)?;
@@ -103,7 +105,7 @@ fn make(
 fn run(
     source: &Supply,
     fingerprint: &Fingerprint,
-    out: AtomicFile,
+    out: OutputFiles,
     settings: &Settings,
     context: &Context<'_>,
     checkpoints: &mut Checkpoints,

@@ -88,6 +88,13 @@ impl MappedFile {
         &self.path
     }
 
+    /// The mapped file's path without a link at its end: what belongs to it lies there.
+    pub fn real_path(&self) -> PathBuf {
+        let is_link = self.path.symlink_metadata().is_ok_and(|found| found.is_symlink());
+        let real = if is_link { self.path.canonicalize().ok() } else { None };
+        real.unwrap_or_else(|| self.path.clone())
+    }
+
     /// Whether all that was read up to now is of the file as it was mapped; to be asked before a result of it is used.
     ///
     /// # Errors
@@ -124,13 +131,13 @@ impl MappedFile {
         self.keep.store(bytes, Ordering::Relaxed);
     }
 
-    /// Notes that a range of so many bytes is about to be read, and drops what was read before if that is too much.
-    pub fn note_read(&self, bytes: u64) {
+    /// Notes that a range of so many bytes is about to be read, here or in `others`, which are kept with this one, and drops what was read before if that is too much.
+    pub fn note_read(&self, others: &[Self], bytes: u64) {
         let bytes = bytes.saturating_add(AROUND);
         let read = self.read.fetch_add(bytes, Ordering::Relaxed).saturating_add(bytes);
         if read > self.keep.load(Ordering::Relaxed) {
             self.read.store(bytes, Ordering::Relaxed);
-            self.release_pages();
+            std::iter::once(self).chain(others).for_each(Self::release_pages);
         }
     }
 
@@ -294,7 +301,7 @@ mod tests {
         let before = crate::process::resident().unwrap();
         let (mut most, mut sum) = (0, 0);
         for piece in map.chunks(1 << 20) {
-            map.note_read(piece.len() as u64);
+            map.note_read(&[], piece.len() as u64);
             sum += piece.iter().step_by(512).map(|x| u64::from(*x)).sum::<u64>();
             most = most.max(crate::process::resident().unwrap());
         }

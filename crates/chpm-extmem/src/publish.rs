@@ -105,15 +105,23 @@ impl AtomicFile {
         read.map_err(|source| ExtmemError::io("read", &self.target, bytes.len() as u64, source))
     }
 
+    /// Flushes and syncs to disk, so that only its name is missing.
+    ///
+    /// # Errors
+    /// [`ExtmemError::Io`] or [`ExtmemError::DiskFull`].
+    pub fn sync(&mut self) -> Result<(), ExtmemError> {
+        let written = self.fail_points.access().and_then(|()| self.file.flush());
+        let synced = written.and_then(|()| self.file.get_ref().sync_all());
+        synced.map_err(|source| self.error(source))
+    }
+
     /// Flushes, syncs to disk, renames to the target and syncs the directory.
     ///
     /// # Errors
     /// What [`target`] refuses, if something has the name by now that may not be replaced, [`ExtmemError::Io`] or
     /// [`ExtmemError::DiskFull`]; up to the rename the partial file is then removed and the target untouched.
     pub fn publish(mut self) -> Result<(), ExtmemError> {
-        let written = self.fail_points.access().and_then(|()| self.file.flush());
-        let synced = written.and_then(|()| self.file.get_ref().sync_all());
-        synced.map_err(|source| self.error(source))?;
+        self.sync()?;
         if target(&self.target, self.overwrite)? != self.target {
             return Err(ExtmemError::Irregular { path: self.target.clone(), is: "a link by now" });
         }

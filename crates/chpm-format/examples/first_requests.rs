@@ -16,7 +16,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let name = std::env::args().nth(1).ok_or("name a .chpm file")?;
     let source = File::open(&name)?;
     let (requests, bytes) = (Cell::new(0), Cell::new(0));
-    let mut file = RemoteChpm::open(source.metadata()?.len(), |offset, out: &mut [u8]| {
+    let mut file = RemoteChpm::open(source.metadata()?.len(), |_, offset, out: &mut [u8]| {
         requests.set(requests.get() + 1);
         bytes.set(bytes.get() + out.len());
         source.read_exact_at(out, offset)

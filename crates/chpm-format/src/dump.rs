@@ -7,6 +7,7 @@ use crate::reader::Chpm;
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord, REFUSALS};
 use crate::remnant::Remnant;
 use crate::sheet::{SheetLayout, SheetRecord};
+use crate::volume::VolumeRecord;
 use chpm_mesh::{Chart, ClusterId, GroupId, Scalar, ScalarKind, ScalarRange, scalar_places};
 use std::io::Write;
 
@@ -116,6 +117,10 @@ fn header<D: AsRef<[u8]>>(file: &Chpm<D>, out: &mut impl Write) -> Result<(), Fo
 
     for (kind, range) in file.sections() {
         writeln!(out, "section {kind} {range:?}")?;
+    }
+    for (number, volume) in (1..).zip(file.volume_records()) {
+        let VolumeRecord { offset, len, identity } = volume;
+        writeln!(out, "volume {number} offset {offset} len {len} identity {identity:016x}")?;
     }
     match file.metadata() {
         Ok(metadata) => writeln!(out, "{metadata:#?}")?,

@@ -2,7 +2,9 @@
 
 use crate::section_kind::SectionKind;
 use chpm_mesh::{ClusterId, GroupId};
+use std::error::Error;
 use std::fmt::{self, Display};
+use std::path::PathBuf;
 
 /// The part of a file that a message is about.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -26,6 +28,8 @@ pub enum FilePart {
     Page(ClusterId),
     /// A cluster's sheet.
     Sheet(ClusterId),
+    /// A volume, by its number from 1.
+    Volume(u32),
 }
 
 impl Display for FilePart {
@@ -41,6 +45,7 @@ impl Display for FilePart {
             FilePart::Page(id) if id.is_some() => write!(f, "page of {id}"),
             FilePart::Page(_) => f.write_str("page"),
             FilePart::Sheet(id) => write!(f, "sheet of {id}"),
+            FilePart::Volume(number) => write!(f, "volume {number}"),
         }
     }
 }
@@ -124,12 +129,71 @@ pub enum FormatError {
     /// The metadata section does not decode.
     #[error("metadata: {0}; the geometry may still be read")]
     Metadata(String),
+    /// The file alone was opened, and its pages are in others.
+    #[error(
+        "its pages are in {count} volumes beside it; open it by its name, or join them: chpm relayout --volume-size one"
+    )]
+    Apart {
+        /// Volumes that it has.
+        count: usize,
+    },
+    /// A volume that is not what it should be.
+    #[error("'{}' {fault}", path.display())]
+    Volume {
+        /// Name of the volume's file.
+        path: PathBuf,
+        /// Fault of it.
+        fault: VolumeFault,
+    },
+    /// A volume that could not be opened.
+    #[error("'{}', which has pages of it, cannot be read", path.display())]
+    Unread {
+        /// Name of the volume's file.
+        path: PathBuf,
+        /// Answer of whoever was to open it.
+        source: Box<dyn Error + Send + Sync>,
+    },
     /// Bytes that lie elsewhere could not be had.
     #[error("reading: {0}")]
     Read(#[source] std::io::Error),
     /// The output refused bytes.
     #[error("writing: {0}")]
     Write(#[from] std::io::Error),
+}
+
+/// Why a file is not the volume that its name says.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum VolumeFault {
+    /// There is none of that name.
+    #[error(
+        "is not there, and has pages of it; a model and its volumes have to be in one folder, named alike: copy or rename them together"
+    )]
+    Missing,
+    /// It is another file.
+    #[error("should be a volume of it, and is none; copy the one that was made with it, or build it again")]
+    None,
+    /// It is a volume of another build.
+    #[error(
+        "is a volume of another build; copy the one that was made with it, or build it again, as after a build that was stopped while it replaced this one"
+    )]
+    Foreign,
+    /// It is another volume of the same build.
+    #[error("should be volume {number}, and is volume {other}; give them their own names again")]
+    Other {
+        /// Number of the one that should be there, from 1.
+        number: u32,
+        /// Number of the one that is there.
+        other: u32,
+    },
+    /// It is too short or too long.
+    #[error("should have {expected} bytes, and has {got}; copy it again")]
+    Len {
+        /// Bytes that it has to have.
+        expected: u64,
+        /// Bytes that are there.
+        got: u64,
+    },
 }
 
 fn hexadecimal(bytes: &[u8]) -> String {
@@ -161,6 +225,9 @@ impl FormatError {
             }
             FormatError::Magic { .. }
             | FormatError::Metadata(_)
+            | FormatError::Apart { .. }
+            | FormatError::Volume { .. }
+            | FormatError::Unread { .. }
             | FormatError::Read(_)
             | FormatError::Write(_) => {}
         }

@@ -12,7 +12,7 @@ pub const MAGIC: [u8; 8] = [0x89, b'C', b'H', b'P', b'M', 0x0d, 0x0a, 0x1a];
 /// Major version that this crate reads and writes.
 pub const VERSION_MAJOR: u16 = 1;
 /// The last minor version that this crate knows. It writes the first that has all that a file needs.
-pub const VERSION_MINOR: u16 = 7;
+pub const VERSION_MINOR: u16 = 8;
 /// Required flag: pages may be packed, and lie at multiples of [`PACKED_ALIGN`].
 pub const PACKED_PAGES: u32 = 1;
 /// Required flag: vertices have normals of three bytes.
@@ -23,6 +23,8 @@ pub const NAMED_SCALARS: u32 = 4;
 pub const SHEETS: u32 = 8;
 /// Required flag: packed pages may be chained, each to one above.
 pub const CHAINED_PAGES: u32 = 16;
+/// Required flag: pages are in volumes.
+pub const VOLUMES: u32 = 64;
 /// Length of the header, bytes.
 pub const HEADER_LEN: usize = 256;
 
@@ -38,11 +40,11 @@ pub struct Header {
     pub version_minor: u16,
     /// [`HEADER_LEN`].
     pub header_len: u32,
-    /// Features that a reader must know: [`PACKED_PAGES`], [`OCTAHEDRAL_NORMALS`], [`NAMED_SCALARS`], [`SHEETS`], [`CHAINED_PAGES`].
+    /// Features that a reader must know: [`PACKED_PAGES`], [`OCTAHEDRAL_NORMALS`], [`NAMED_SCALARS`], [`SHEETS`], [`CHAINED_PAGES`], [`VOLUMES`].
     pub required_flags: u32,
     /// Features that a reader may ignore; none are defined.
     pub optional_flags: u32,
-    /// Length of the whole file, bytes.
+    /// Length of the whole file with what is in volumes, bytes.
     pub file_len: u64,
     /// Entries of the section table.
     pub section_count: u32,
@@ -164,6 +166,14 @@ pub(crate) fn page_align(packed: bool) -> u64 {
     if packed { PACKED_ALIGN } else { PAGE_ALIGN }
 }
 
+/// Compares a file's length with the bytes that there are.
+pub(crate) fn require_len(expected: u64, got: u64) -> Result<(), FormatError> {
+    if expected > got {
+        return Err(FormatError::Truncated { place: FilePart::File, expected, got });
+    }
+    require_eq(FilePart::Header, "file_len", got, expected)
+}
+
 impl Header {
     /// Attributes of the vertices.
     pub fn attributes(&self) -> Attributes {
@@ -200,6 +210,11 @@ impl Header {
     /// Whether clusters have sheets: images of their surface.
     pub fn has_sheets(&self) -> bool {
         self.required_flags & SHEETS != 0
+    }
+
+    /// Whether pages are in volumes: files of their own.
+    pub fn has_volumes(&self) -> bool {
+        self.required_flags & VOLUMES != 0
     }
 
     /// The box around everything, relative to the origin.
@@ -243,7 +258,7 @@ impl Header {
         }
 
         let unknown = self.required_flags
-            & !(PACKED_PAGES | OCTAHEDRAL_NORMALS | NAMED_SCALARS | SHEETS | CHAINED_PAGES);
+            & !(PACKED_PAGES | OCTAHEDRAL_NORMALS | NAMED_SCALARS | SHEETS | CHAINED_PAGES | VOLUMES);
         if unknown != 0 {
             return Err(FormatError::Feature { place, got: unknown });
         }
@@ -251,10 +266,10 @@ impl Header {
         require_eq(place, "header_len", HEADER_LEN as u32, self.header_len)?;
         require_eq(place, "section_table_offset", HEADER_LEN as u32, self.section_table_offset)?;
         require_eq(place, "page_align", page_align(self.is_packed()), self.page_align.into())?;
-        if self.file_len > got {
-            return Err(FormatError::Truncated { place: FilePart::File, expected: self.file_len, got });
+        // Where volumes begin, the section table says.
+        if !self.has_volumes() {
+            require_len(self.file_len, got)?;
         }
-        require_eq(place, "file_len", got, self.file_len)?;
 
         // Chained pages are packed, and have triangles in an order that no sheet knows.
         let alone = !self.is_chained() || self.is_packed() && !self.has_sheets();

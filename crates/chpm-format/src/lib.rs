@@ -72,10 +72,11 @@ pub mod shown;
 mod structure;
 pub mod tables;
 pub mod verify;
+pub mod volume;
 pub mod writer;
 
 pub use dump::dump;
-pub use error::{FilePart, FormatError};
+pub use error::{FilePart, FormatError, VolumeFault};
 pub use gaps::Gaps;
 pub use header::{BoundaryMode, ErrorKind, Header};
 pub use metadata::{LATTICE_STEP, Metadata, Source};
@@ -91,6 +92,7 @@ pub use section_kind::SectionKind;
 pub use sheet::{ImageCodec, MAX_SIDE, Sheet, SheetLayout, SheetRecord};
 pub use tables::{HeaderFields, Tables};
 pub use verify::{Fault, Invariant, Report, verify, verify_within};
+pub use volume::VolumeRecord;
 pub use writer::ChpmWriter;
 
 /// Alignment of cluster pages in the file, bytes.

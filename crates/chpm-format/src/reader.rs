@@ -1,5 +1,7 @@
 //! Opening a file that is in memory, and reading it in place.
 
+mod volumes;
+
 use crate::MEMORY_ALIGN;
 use crate::error::{FilePart, FormatError, invalid, require, require_eq};
 use crate::gaps::Gaps;
@@ -15,6 +17,7 @@ use crate::scalars;
 use crate::section::{SectionKind, Sections, check_sum};
 use crate::sheet::{self, Sheet, SheetRecord};
 use crate::structure::{Structure, member_range, place_pages};
+use crate::volume::{self, Unit, VolumeRecord};
 use bytemuck::Pod;
 use chpm_mesh::{ClusterId, GroupId, Scalar};
 use std::borrow::Cow;
@@ -28,10 +31,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 #[derive(Clone, Debug)]
 pub struct Chpm<D> {
     data: D,
+    volumes: Vec<D>,
     header: Header,
     sections: Sections,
     scalars: Vec<Scalar>,
-    on_page: fn(&D, u64),
+    on_page: OnPage<D>,
     /// A bit for each cluster: whether its page has been found to be what was written.
     intact: Arc<[AtomicU64]>,
     parents: Arc<Parents>,
@@ -42,13 +46,22 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     /// so that following them cannot fail. Reads no page. Time and scratch memory are O(clusters).
     ///
     /// # Errors
-    /// The [`FormatError`] that names the damage; [`FormatError::Alignment`] if the bytes do not start at a multiple of 8.
+    /// The [`FormatError`] that names the damage; [`FormatError::Alignment`] if the bytes do not start at a multiple of 8;
+    /// [`FormatError::Apart`] if pages are in volumes, which [`Chpm::open_at`] has.
     pub fn open(data: D) -> Result<Self, FormatError> {
+        Self::open_with(data, |volumes| match volumes.len() {
+            0 => Ok(Vec::new()),
+            count => Err(FormatError::Apart { count }),
+        })
+    }
+
+    fn open_with(
+        data: D,
+        volumes: impl FnOnce(&[VolumeRecord]) -> Result<Vec<D>, FormatError>,
+    ) -> Result<Self, FormatError> {
         let bytes = data.as_ref();
         let header = Header::read(bytes, bytes.len() as u64)?;
-        if !bytes.as_ptr().addr().is_multiple_of(MEMORY_ALIGN) {
-            return Err(FormatError::Alignment { place: FilePart::File, expected: MEMORY_ALIGN });
-        }
+        check_alignment(bytes, FilePart::File)?;
         let sections = Sections::read(&header, bytes)?;
         // No file has more records than bytes, and what is not listed is refused below.
         let words = sections.count(SectionKind::Clusters).div_ceil(u64::from(u64::BITS));
@@ -59,7 +72,8 @@ impl<D: AsRef<[u8]>> Chpm<D> {
             header.attributes().scalar_words,
         )?;
         let parents = Arc::default();
-        let file = Chpm { data, header, sections, scalars, on_page: |_, _| (), intact, parents };
+        let (on_page, apart) = (|_: &D, _: &[D], _: u64| (), Vec::new());
+        let mut file = Chpm { data, volumes: apart, header, sections, scalars, on_page, intact, parents };
         file.structure().check()?;
         if file.has_remnants() {
             remnant::check(file.remnants(), file.clusters())?;
@@ -72,12 +86,26 @@ impl<D: AsRef<[u8]>> Chpm<D> {
             sheet::check(file.sheets(), count, texels)?;
         }
         file.check_pages()?;
+        if header.has_volumes() {
+            volume::check(file.volume_records(), file.sections.body())?;
+            volume::check_units(file.volume_records(), file.units())?;
+            file.volumes = volumes(file.volume_records())?;
+        }
         Ok(file)
     }
 
+    /// Sheets and pages, in the order of the file.
+    fn units(&self) -> impl Iterator<Item = Unit> + '_ {
+        let first = self.sections.body().start;
+        let of_sheet = move |sheet: &SheetRecord| (first + sheet.offset, sheet.checksum);
+        let of_page = |cluster: &ClusterRecord| (cluster.page_offset, cluster.page_checksum);
+        let units = self.sheets().iter().map(of_sheet).chain(self.clusters().iter().map(of_page));
+        units.map(|(offset, checksum)| Unit { offset, checksum })
+    }
+
     /// Has every page told to `on_page` when its bytes are asked for, with their number: whoever has mapped the data may want to let go
-    /// of what was read.
-    pub fn watched(self, on_page: fn(&D, u64)) -> Self {
+    /// of what was read. It is handed the data and those of all volumes.
+    pub fn watched(self, on_page: OnPage<D>) -> Self {
         Chpm { on_page, ..self }
     }
 
@@ -113,7 +141,7 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         bytemuck::cast_slice(&self.data.as_ref()[self.sections.range(kind)])
     }
 
-    /// The bytes of the file.
+    /// The bytes of the file, but for those in volumes.
     pub fn bytes(&self) -> &[u8] {
         self.data.as_ref()
     }
@@ -188,9 +216,8 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     /// As [`Chpm::coarse`].
     pub fn sheet_bytes(&self, id: ClusterId) -> Option<&[u8]> {
         let record = self.header.has_sheets().then(|| &self.sheets()[id.index()])?;
-        let start = record.offset as usize;
-        (self.on_page)(&self.data, record.len());
-        Some(&self.section(SectionKind::Texels)[start..start + record.len() as usize])
+        (self.on_page)(&self.data, &self.volumes, record.len());
+        self.at(self.sections.body().start + record.offset, record.len())
     }
 
     /// A cluster's sheet, its checksum compared and its layout checked against the cluster's record; none if there are no sheets.
@@ -202,15 +229,6 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     /// As [`Chpm::coarse`].
     pub fn sheet(&self, id: ClusterId) -> Result<Option<Sheet<'_>>, FormatError> {
         self.sheet_bytes(id).map_or(Ok(None), |bytes| self.sheet_in(id, bytes))
-    }
-
-    /// Where a cluster's sheet is in the file: its first byte, and how many there are; none if there are no sheets.
-    ///
-    /// # Panics
-    /// As [`Chpm::coarse`].
-    pub fn sheet_place(&self, id: ClusterId) -> Option<(u64, u64)> {
-        let record = self.header.has_sheets().then(|| &self.sheets()[id.index()])?;
-        Some((self.sections.range(SectionKind::Texels).start as u64 + record.offset, record.len()))
     }
 
     /// As [`Chpm::sheet`], for the sheet's bytes in another place: read from the file, not mapped. `None` only where there are no sheets.
@@ -277,7 +295,7 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         self.sections.has(SectionKind::Chunks)
     }
 
-    /// The bytes of a section; none if it is absent.
+    /// The bytes of a section that is not in volumes; none if it is absent.
     pub(crate) fn section(&self, kind: SectionKind) -> &[u8] {
         &self.data.as_ref()[self.sections.range(kind)]
     }
@@ -293,9 +311,8 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     /// As [`Chpm::coarse`].
     pub fn page_bytes(&self, id: ClusterId) -> &[u8] {
         let record = &self.clusters()[id.index()];
-        let start = record.page_offset as usize;
-        (self.on_page)(&self.data, record.page_len.into());
-        &self.data.as_ref()[start..start + record.page_len as usize]
+        (self.on_page)(&self.data, &self.volumes, record.page_len.into());
+        self.at(record.page_offset, record.page_len.into()).unwrap_or_default()
     }
 
     /// The same, and what was written: their checksum was compared, now or before.
@@ -466,6 +483,16 @@ impl<D: AsRef<[u8]>> Chpm<D> {
     pub fn page_checked_in<'b>(&self, id: ClusterId, bytes: &'b [u8]) -> Result<PageBuf<'b>, FormatError> {
         check_sum(FilePart::Page(id), self.clusters()[id.index()].page_checksum, bytes)?;
         self.page_of(id, bytes)
+    }
+}
+
+/// Told of each page before it is looked at: the data of the file, those of its volumes, and how many bytes the page has.
+type OnPage<D> = fn(&D, &[D], u64);
+
+fn check_alignment(bytes: &[u8], place: FilePart) -> Result<(), FormatError> {
+    match bytes.as_ptr().addr().is_multiple_of(MEMORY_ALIGN) {
+        true => Ok(()),
+        false => Err(FormatError::Alignment { place, expected: MEMORY_ALIGN }),
     }
 }
 

@@ -5,7 +5,7 @@
 
 use crate::chunks::{self, CHUNKED};
 use crate::error::{FilePart, FormatError, require, require_eq};
-use crate::header::Header;
+use crate::header::{Header, require_len};
 use crate::packed;
 use crate::page_buf::PageBuf;
 use crate::parents::{Parents, Step};
@@ -14,6 +14,7 @@ use crate::records::{ClusterRecord, GroupRecord};
 use crate::scalars;
 use crate::section::{SectionKind, Sections, check_sum, table_range};
 use crate::structure::{check_cluster, check_group, member_range};
+use crate::volume::{self, VolumeRecord};
 use bytemuck::Pod;
 use chpm_mesh::{ClusterId, GroupId, Scalar};
 use std::borrow::Cow;
@@ -25,7 +26,8 @@ use std::sync::Arc;
 /// Bytes that are read first: they hold the header, the list of chunks and, unless the file is very large, the records of the coarsest clusters.
 pub const FIRST_BYTES: u64 = 32 << 10;
 
-/// A CHPM file that is read in ranges: `R` fills a buffer with the bytes from an offset on. Each chunk is read once, and kept.
+/// A CHPM file that is read in ranges: `R` fills a buffer with the bytes from an offset on, of the file itself, 0, or of a volume by its number from 1. Each chunk is read once,
+/// and kept.
 #[derive(Clone, Debug)]
 pub struct RemoteChpm<R> {
     source: Source<R>,
@@ -33,6 +35,7 @@ pub struct RemoteChpm<R> {
     sections: Sections,
     chunked: bool,
     scalars: Vec<Scalar>,
+    volumes: Vec<VolumeRecord>,
     tables: [Table; 3],
     parents: Arc<Parents>,
 }
@@ -43,14 +46,14 @@ struct Source<R> {
     first: Vec<u8>,
 }
 
-impl<R: FnMut(u64, &mut [u8]) -> io::Result<()>> Source<R> {
+impl<R: FnMut(usize, u64, &mut [u8]) -> io::Result<()>> Source<R> {
     fn fill(&mut self, offset: usize, bytes: &mut [u8]) -> Result<(), FormatError> {
         match self.first.get(offset..offset + bytes.len()) {
             Some(here) => {
                 bytes.copy_from_slice(here);
                 Ok(())
             }
-            None => (self.read)(offset as u64, bytes).map_err(FormatError::Read),
+            None => (self.read)(0, offset as u64, bytes).map_err(FormatError::Read),
         }
     }
 
@@ -83,7 +86,7 @@ impl Table {
     }
 
     /// Record `index`, which must be in the table. Records are not cut by chunks.
-    fn record<T: Pod, R: FnMut(u64, &mut [u8]) -> io::Result<()>>(
+    fn record<T: Pod, R: FnMut(usize, u64, &mut [u8]) -> io::Result<()>>(
         &mut self,
         source: &mut Source<R>,
         index: usize,
@@ -100,8 +103,9 @@ impl Table {
     }
 }
 
-impl<R: FnMut(u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
-    /// Opens a file of `len` bytes: reads the first [`FIRST_BYTES`] of it, what of the list of chunks is not in them, and the list of scalars.
+impl<R: FnMut(usize, u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
+    /// Opens a file of `len` bytes without its volumes: reads the first [`FIRST_BYTES`] of it, what of the list of chunks is not in them, and the lists of volumes and scalars.
+    /// Volumes are not looked at: a page of another build has another checksum.
     ///
     /// # Errors
     /// The [`FormatError`] that names the damage; [`FormatError::Read`] with what `read` answered.
@@ -115,6 +119,9 @@ impl<R: FnMut(u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
             return Err(FormatError::Truncated { place, expected, got: len });
         }
         let sections = Sections::read_places(&header, &source.bytes(range)?)?;
+        if header.has_volumes() {
+            require_len(sections.body().start, len)?;
+        }
         for (kind, expected) in [
             (SectionKind::Clusters, header.cluster_count),
             (SectionKind::Groups, header.group_count),
@@ -139,6 +146,15 @@ impl<R: FnMut(u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
                 (table.chunk_len, table.sums) = (chunk_len as usize, sums);
             }
         }
+        let mut volumes = Vec::new();
+        if header.has_volumes() {
+            let kind = SectionKind::Volumes;
+            let list = source.bytes(sections.range(kind))?;
+            check_sum(FilePart::Section(kind), sections.checksum(kind), &list)?;
+            volumes =
+                list.chunks_exact(size_of::<VolumeRecord>()).map(bytemuck::pod_read_unaligned).collect();
+            volume::check(&volumes, sections.body())?;
+        }
         let mut scalars = Vec::new();
         if sections.has(SectionKind::Scalars) || header.attributes().scalar_words > 0 {
             let kind = SectionKind::Scalars;
@@ -146,7 +162,16 @@ impl<R: FnMut(u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
             check_sum(FilePart::Section(kind), sections.checksum(kind), &list)?;
             scalars = scalars::decode(&list, sections.count(kind), header.attributes().scalar_words)?;
         }
-        Ok(RemoteChpm { source, header, sections, chunked, scalars, tables, parents: Arc::default() })
+        Ok(RemoteChpm {
+            source,
+            header,
+            sections,
+            chunked,
+            scalars,
+            volumes,
+            tables,
+            parents: Arc::default(),
+        })
     }
 
     /// The header.
@@ -157,6 +182,11 @@ impl<R: FnMut(u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
     /// The named scalars that vertices have, in the order of their words.
     pub fn scalars(&self) -> &[Scalar] {
         &self.scalars
+    }
+
+    /// Records of its volumes; none where pages are in the file itself.
+    pub fn volumes(&self) -> &[VolumeRecord] {
+        &self.volumes
     }
 
     /// Whether tables are read in chunks, and not as a whole.
@@ -289,7 +319,10 @@ impl<R: FnMut(u64, &mut [u8]) -> io::Result<()>> RemoteChpm<R> {
         // A page is read in place and needs the alignment of words.
         let mut words = vec![0_u32; len.div_ceil(size_of::<u32>())];
         let bytes = &mut bytemuck::cast_slice_mut(&mut words)[..len];
-        self.source.fill(record.page_offset as usize, bytes)?;
+        match volume::place(&self.volumes, record.page_offset) {
+            (0, offset) => self.source.fill(offset as usize, bytes)?,
+            (part, offset) => (self.source.read)(part, offset, bytes).map_err(FormatError::Read)?,
+        }
         check_sum(place, record.page_checksum, bytes)?;
         let is_packed = self.header.is_packed() && record.flags & ClusterRecord::PACKED != 0;
         let parent = is_packed && self.header.is_chained();

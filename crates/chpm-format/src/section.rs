@@ -1,12 +1,13 @@
 //! The section table: what lies where.
 
 use crate::error::{FilePart, FormatError, invalid, require, require_eq};
-use crate::header::{HEADER_LEN, Header};
+use crate::header::{HEADER_LEN, Header, require_len};
 use crate::records::{ClusterRecord, GroupRecord, LevelRecord};
 use crate::remnant::Remnant;
 use crate::section_kind::KINDS;
 pub use crate::section_kind::{OPTIONAL_KIND, SectionKind};
 use crate::sheet::SheetRecord;
+use crate::volume::VolumeRecord;
 use crate::{TABLE_ALIGN, align_up, checksum, chunks, scalars};
 use bytemuck::{Pod, Zeroable};
 use std::{mem, ops::Range};
@@ -23,6 +24,7 @@ impl SectionKind {
             SectionKind::Levels => mem::size_of::<LevelRecord>() as u32,
             SectionKind::Metadata | SectionKind::Scalars | SectionKind::Texels | SectionKind::Pages => 0,
             SectionKind::Textures => mem::size_of::<SheetRecord>() as u32,
+            SectionKind::Volumes => mem::size_of::<VolumeRecord>() as u32,
             SectionKind::Chunks => chunks::WORD as u32,
             SectionKind::Remnants => mem::size_of::<Remnant>() as u32,
         }
@@ -91,24 +93,43 @@ impl Sections {
         self.0[kind.slot()].as_ref().map_or(0, |placed| placed.entry.checksum)
     }
 
-    /// Reads the section table of a file whose header was checked; checks bounds, order, padding and checksums.
+    /// Reads the section table of a file whose header was checked; checks bounds, order, padding and checksums. What is in volumes is not in `bytes`.
     pub(crate) fn read(header: &Header, bytes: &[u8]) -> Result<Sections, FormatError> {
         let range = table_range(header)?;
         let (place, expected, got) = (FilePart::SectionTable, range.end as u64, bytes.len() as u64);
         let table = bytes.get(range.clone()).ok_or(FormatError::Truncated { place, expected, got })?;
         let mut end = range.end;
-        Self::place(header, table, |Placed { entry, range }| {
-            let zero = bytes[end..range.start].iter().all(|b| *b == 0);
+        let sections = Self::place(header, table, |Placed { entry, range }| {
+            let kind = entry.known();
+            let padding = std::mem::replace(&mut end, range.end)..range.start;
+            if header.has_volumes() && kind == Some(SectionKind::Pages) && padding.start > bytes.len() {
+                return Ok(());
+            }
+            let here = |range: Range<usize>| {
+                let expected = range.end as u64;
+                bytes.get(range).ok_or(FormatError::Truncated { place, expected, got })
+            };
+            let zero = here(padding)?.iter().all(|b| *b == 0);
             require(zero, place, "padding between sections", "zeros", "other bytes")?;
-            end = range.end;
-            match entry.known() {
+            match kind {
                 Some(SectionKind::Pages | SectionKind::Texels) => Ok(()),
                 // A later minor version may have sections of other kinds; only their bytes are checked.
                 kind => {
-                    check_sum(kind.map_or(place, FilePart::Section), entry.checksum, &bytes[range.clone()])
+                    check_sum(kind.map_or(place, FilePart::Section), entry.checksum, here(range.clone())?)
                 }
             }
-        })
+        })?;
+        if header.has_volumes() {
+            require_len(sections.body().start, got)?;
+        }
+        Ok(sections)
+    }
+
+    /// Sheets and pages: the bytes that are in volumes, where there are any.
+    pub(crate) fn body(&self) -> Range<u64> {
+        let pages = self.range(SectionKind::Pages);
+        let first = if self.has(SectionKind::Texels) { SectionKind::Texels } else { SectionKind::Pages };
+        self.range(first).start as u64..pages.end as u64
     }
 
     /// As [`Sections::read`], by the section table alone: no bytes of sections are looked at.
@@ -126,12 +147,12 @@ impl Sections {
         check_sum(place, header.section_table_checksum, table)?;
         let mut found = [const { None }; KINDS];
         let mut end = HEADER_LEN + table.len();
-        let mut last = None;
+        let (mut last, mut before) = (None, None);
         for entry in table.chunks_exact(mem::size_of::<SectionEntry>()) {
             let entry: SectionEntry = bytemuck::pod_read_unaligned(entry);
-            let range = entry.place_after(end, header.file_len)?;
+            let range = entry.place_after(end, header)?;
             end = range.end;
-            last = entry.known();
+            before = std::mem::replace(&mut last, entry.known());
             if let Some(kind) = last {
                 entry.check_shape(kind)?;
             }
@@ -150,11 +171,17 @@ impl Sections {
         if let Some(kind) = lacks {
             return Err(invalid(place, "sections", kind, "none of that kind"));
         }
-        for kind in [SectionKind::Textures, SectionKind::Texels] {
-            let told = format_args!("as bit 3 of required_flags says of {kind}");
+        for (kind, bit, is_flagged) in [
+            (SectionKind::Textures, 3, header.has_sheets()),
+            (SectionKind::Texels, 3, header.has_sheets()),
+            (SectionKind::Volumes, 6, header.has_volumes()),
+        ] {
+            let told = format_args!("as bit {bit} of required_flags says of {kind}");
             let is_there = found[kind.slot()].is_some();
-            require(is_there == header.has_sheets(), place, "sections", told, is_there)?;
+            require(is_there == is_flagged, place, "sections", told, is_there)?;
         }
+        let goes_on = !header.has_volumes() || !header.has_sheets() || before == Some(SectionKind::Texels);
+        require(goes_on, place, "section before PAGES", "TEXELS", "another")?;
         Ok(Sections(found))
     }
 }
@@ -165,18 +192,18 @@ impl SectionEntry {
     }
 
     /// The byte range of the section, which must start at the first aligned place after `previous_end`.
-    fn place_after(&self, previous_end: usize, file_len: u64) -> Result<Range<usize>, FormatError> {
+    fn place_after(&self, previous_end: usize, header: &Header) -> Result<Range<usize>, FormatError> {
         let place = FilePart::SectionTable;
         let known = self.known();
         if known.is_none() && self.kind & OPTIONAL_KIND == 0 {
             return Err(FormatError::Feature { place, got: self.kind });
         }
-        let align = known.map_or(TABLE_ALIGN, SectionKind::align);
+        let align = known.map_or(TABLE_ALIGN, |kind| kind.align(header.has_volumes()));
         let expected = align_up(previous_end as u64, align).unwrap_or(u64::MAX);
         require_eq(place, "offset of a section", expected, self.offset)?;
         let end = self.offset.saturating_add(self.len);
-        if end > file_len {
-            return Err(FormatError::Truncated { place, expected: end, got: file_len });
+        if end > header.file_len {
+            return Err(FormatError::Truncated { place, expected: end, got: header.file_len });
         }
         Ok(self.offset as usize..end as usize)
     }

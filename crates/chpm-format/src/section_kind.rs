@@ -6,7 +6,7 @@ use std::fmt;
 /// Set in the kinds that a reader may skip without knowing them.
 pub const OPTIONAL_KIND: u32 = 1 << 31;
 
-/// The sections that are known: every file has each once, but for CHUNKS, SCALARS, REMNANTS, TEXTURES and TEXELS, which may be absent.
+/// The sections that are known: every file has each once, but for CHUNKS, SCALARS, REMNANTS, TEXTURES, TEXELS and VOLUMES, which may be absent.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[repr(u32)]
 pub enum SectionKind {
@@ -28,6 +28,8 @@ pub enum SectionKind {
     Textures = 8,
     /// The sheets themselves; there with TEXTURES.
     Texels = 9,
+    /// Records of volumes; only where pages are in some.
+    Volumes = 10,
     /// Checksums of the tables' chunks; the first section where it is there.
     Chunks = OPTIONAL_KIND | 1,
     /// Remnants of components that vanish; only where there are any.
@@ -39,8 +41,9 @@ pub(crate) const KINDS: usize = SectionKind::ALL.len();
 
 impl SectionKind {
     /// All of them, in the order in which the writer lays them out.
-    pub const ALL: [SectionKind; 11] = [
+    pub const ALL: [SectionKind; 12] = [
         SectionKind::Chunks,
+        SectionKind::Volumes,
         SectionKind::Clusters,
         SectionKind::Groups,
         SectionKind::Members,
@@ -55,8 +58,8 @@ impl SectionKind {
 
     /// Whether every file has it.
     pub(crate) fn is_needed(self) -> bool {
-        let may_lack = matches!(self, SectionKind::Scalars | SectionKind::Textures | SectionKind::Texels);
-        self as u32 & OPTIONAL_KIND == 0 && !may_lack
+        use SectionKind::{Scalars, Texels, Textures, Volumes};
+        self as u32 & OPTIONAL_KIND == 0 && !matches!(self, Scalars | Textures | Texels | Volumes)
     }
 
     /// Its place among the kinds, below [`KINDS`].
@@ -68,9 +71,10 @@ impl SectionKind {
         }
     }
 
-    /// Alignment in the file.
-    pub(crate) fn align(self) -> u64 {
-        if self == SectionKind::Pages { PAGE_ALIGN } else { TABLE_ALIGN }
+    /// Alignment in the file; volumes begin as pages do, also with sheets.
+    pub(crate) fn align(self, has_volumes: bool) -> u64 {
+        let is_aligned = self == SectionKind::Pages || has_volumes && self == SectionKind::Texels;
+        if is_aligned { PAGE_ALIGN } else { TABLE_ALIGN }
     }
 }
 
@@ -88,6 +92,7 @@ impl fmt::Display for SectionKind {
             SectionKind::Remnants => "REMNANTS",
             SectionKind::Textures => "TEXTURES",
             SectionKind::Texels => "TEXELS",
+            SectionKind::Volumes => "VOLUMES",
         })
     }
 }

@@ -5,7 +5,7 @@ use crate::error::{FilePart, FormatError, invalid, require, require_eq};
 use crate::gaps::Gaps;
 use crate::header::{
     BoundaryMode, CHAINED_PAGES, ErrorKind, HEADER_LEN, Header, MAGIC, NAMED_SCALARS, OCTAHEDRAL_NORMALS,
-    PACKED_PAGES, SHEETS, VERSION_MAJOR, page_align,
+    PACKED_PAGES, SHEETS, VERSION_MAJOR, VOLUMES, page_align,
 };
 use crate::metadata::Metadata;
 use crate::reader::Chpm;
@@ -14,6 +14,7 @@ use crate::remnant::{self, Remnant};
 use crate::section::{SectionEntry, SectionKind};
 use crate::sheet::{self, SheetRecord};
 use crate::structure::{Structure, member_range, place_pages};
+use crate::volume::{self, Unit, VolumeRecord};
 use crate::{align_up, checksum, scalars};
 use bytemuck::Zeroable;
 use chpm_mesh::{Aabb, Attributes, ClusterId, GroupId, Scalar};
@@ -40,6 +41,8 @@ pub struct HeaderFields {
     pub chained: bool,
     /// Chunks of the tables have checksums of their own, for [`crate::RemoteChpm`]. The roots must then be the first clusters.
     pub chunked: bool,
+    /// Most bytes of a volume's file; none where pages are in the file itself.
+    pub volume_size: Option<u64>,
 }
 
 impl HeaderFields {
@@ -51,6 +54,7 @@ impl HeaderFields {
             (octahedral, OCTAHEDRAL_NORMALS),
             (scalar_words > 0, NAMED_SCALARS),
             (self.chained, CHAINED_PAGES),
+            (self.volume_size.is_some(), VOLUMES),
         ];
         let flags = flags.into_iter().filter(|(is_needed, _)| *is_needed).map(|(_, flag)| flag).sum();
         match () {
@@ -106,6 +110,8 @@ impl Tables {
                 packed: header.is_packed(),
                 chained: header.is_chained(),
                 chunked: file.is_chunked(),
+                // Into how large files its pages are to go is the writer's to say.
+                volume_size: None,
             },
             clusters: file.clusters().to_vec(),
             groups: groups.map(|(id, group)| GroupRecord { gaps: known_gaps(file, id), ..*group }).collect(),
@@ -187,7 +193,34 @@ impl Tables {
         let metadata_len = self.metadata.encode()?.len() as u64;
         let kinds = self.kinds().filter(|kind| !matches!(kind, SectionKind::Texels | SectionKind::Pages));
         let tables_end = self.end_of(kinds, metadata_len);
-        Ok(aligned(tables_end, SectionKind::Texels))
+        Ok(self.aligned(tables_end, SectionKind::Texels))
+    }
+
+    /// Volumes of the file to be, which their lengths of pages and sheets decide; none where pages are in the file itself.
+    ///
+    /// # Errors
+    /// A size that a page or sheet does not fit, or of which there would be too many; as [`Tables::file_len`].
+    pub fn volumes(&self) -> Result<Vec<VolumeRecord>, FormatError> {
+        let start = if self.header.volume_size.is_some() { self.first_sheet_offset()? } else { 0 };
+        let mut volumes = self.volumes_from_zero()?;
+        volumes.iter_mut().for_each(|volume| volume.offset += start);
+        Ok(volumes)
+    }
+
+    /// The same, with the first at 0: how many there are decides where it begins.
+    fn volumes_from_zero(&self) -> Result<Vec<VolumeRecord>, FormatError> {
+        let Some(size) = self.header.volume_size else { return Ok(Vec::new()) };
+        let mut sheets = self.sheets.clone();
+        sheet::place(&mut sheets);
+        let of_sheet = |sheet: &SheetRecord| Unit { offset: sheet.offset, checksum: sheet.checksum };
+        let mut units: Vec<Unit> = sheets.iter().map(of_sheet).collect();
+        let pages = self.aligned(sheet::texels_len(&sheets), SectionKind::Pages);
+        let lens = self.clusters.iter().map(|cluster| cluster.page_len);
+        let end = place_pages(pages, page_align(self.header.packed), lens, |index, offset| {
+            units.push(Unit { offset, checksum: self.clusters[index].page_checksum });
+            Ok(())
+        })?;
+        volume::cut(&units, end, size)
     }
 
     /// Completes and checks the tables; answers all bytes of the file before its first sheet, or before its first page if there is none.
@@ -210,19 +243,21 @@ impl Tables {
             SectionKind::Remnants => self.remnants.len(),
             SectionKind::Textures => self.sheets.len(),
             SectionKind::Texels => return sheet::texels_len(&self.sheets),
+            // What refuses volumes is told by who asks for them.
+            SectionKind::Volumes => self.volumes_from_zero().map_or(0, |volumes| volumes.len()),
             SectionKind::Pages => 0,
         };
         count as u64 * u64::from(kind.record_len())
     }
 
     fn pages_offset(&self, metadata_len: u64) -> u64 {
-        aligned(self.end_of(self.kinds(), metadata_len), SectionKind::Pages)
+        self.aligned(self.end_of(self.kinds(), metadata_len), SectionKind::Pages)
     }
 
     /// Where the last of some sections ends.
     fn end_of(&self, kinds: impl Iterator<Item = SectionKind>, metadata_len: u64) -> u64 {
         kinds.fold(self.table_end() as u64, |end, kind| {
-            aligned(end, kind) + self.section_len(kind, metadata_len)
+            self.aligned(end, kind) + self.section_len(kind, metadata_len)
         })
     }
 
@@ -230,13 +265,19 @@ impl Tables {
     fn kinds(&self) -> impl Iterator<Item = SectionKind> + use<> {
         let (chunked, has_scalars) = (self.header.chunked, !self.scalars.is_empty());
         let (has_remnants, has_sheets) = (!self.remnants.is_empty(), !self.sheets.is_empty());
+        let has_volumes = self.header.volume_size.is_some();
         SectionKind::ALL.into_iter().filter(move |kind| match kind {
             SectionKind::Chunks => chunked,
             SectionKind::Scalars => has_scalars,
             SectionKind::Remnants => has_remnants,
             SectionKind::Textures | SectionKind::Texels => has_sheets,
+            SectionKind::Volumes => has_volumes,
             _ => true,
         })
+    }
+
+    fn aligned(&self, end: u64, kind: SectionKind) -> u64 {
+        align_up(end, kind.align(self.header.volume_size.is_some())).unwrap_or(u64::MAX)
     }
 
     /// Where the section table ends.
@@ -285,6 +326,9 @@ impl Tables {
         }
         if self.header.chained {
             version_minor = 7;
+        }
+        if self.header.volume_size.is_some() {
+            version_minor = 8;
         }
 
         Ok(Header {
@@ -351,6 +395,7 @@ impl Tables {
             format_args!("{:?}", self.header.origin),
         )?;
         header.file_len = self.file_len()?;
+        let volumes = self.volumes()?;
 
         let tables: [&[u8]; 3] = [
             bytemuck::cast_slice(&self.clusters),
@@ -361,7 +406,7 @@ impl Tables {
         let mut entries = vec![SectionEntry::zeroed(); self.kinds().count()];
         let mut end = head.len() as u64;
         for (kind, entry) in self.kinds().zip(&mut entries) {
-            let offset = aligned(end, kind);
+            let offset = self.aligned(end, kind);
             // Sheets are as long as all else, and so are not here; nor is what comes behind them.
             let is_here = self.sheets.is_empty() || !matches!(kind, SectionKind::Texels | SectionKind::Pages);
             if is_here {
@@ -369,6 +414,7 @@ impl Tables {
             }
             match kind {
                 SectionKind::Chunks => head.extend_from_slice(bytemuck::cast_slice(&chunks::encode(tables))),
+                SectionKind::Volumes => head.extend_from_slice(bytemuck::cast_slice(&volumes)),
                 SectionKind::Clusters => head.extend_from_slice(tables[0]),
                 SectionKind::Groups => head.extend_from_slice(tables[1]),
                 SectionKind::Members => head.extend_from_slice(tables[2]),
@@ -402,6 +448,11 @@ impl Tables {
             require_eq(FilePart::File, "offset of the pages", pages_offset, pages.offset)?;
         }
 
+        // The file itself ends where volumes begin.
+        if let Some(first) = volumes.first() {
+            head.resize(first.offset as usize, 0);
+        }
+
         // From the inside out: each checksum is of bytes that no longer change.
         let table: &[u8] = bytemuck::cast_slice(&entries);
         head[HEADER_LEN..HEADER_LEN + table.len()].copy_from_slice(table);
@@ -410,10 +461,6 @@ impl Tables {
         head[..HEADER_LEN].copy_from_slice(bytemuck::bytes_of(&header));
         Ok((head, header.file_len))
     }
-}
-
-fn aligned(end: u64, kind: SectionKind) -> u64 {
-    align_up(end, kind.align()).unwrap_or(u64::MAX)
 }
 
 /// The gaps of a group; the largest where nothing is known.

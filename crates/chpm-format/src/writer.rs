@@ -27,11 +27,13 @@ pub struct ChpmWriter<W> {
 }
 
 impl<W: Write> ChpmWriter<W> {
-    /// Completes and checks `tables` (see [`Tables`]) and writes everything that comes before sheets and pages.
+    /// Completes and checks `tables` (see [`Tables`]), which want no volumes, and writes everything that comes before sheets and pages.
     ///
     /// # Errors
     /// [`FormatError::Value`] for tables that no file may have; [`FormatError::Write`].
     pub fn begin(mut out: W, tables: &mut Tables) -> Result<Self, FormatError> {
+        let apart = tables.header.volume_size;
+        require_eq(FilePart::File, "volumes of one output", 0, apart.map_or(0, |_| 1))?;
         let (head, file_len) = tables.head()?;
         out.write_all(&head)?;
         let pages = tables.clusters.iter().map(|c| (c.page_len, c.page_checksum)).collect();

@@ -17,7 +17,7 @@ const TOP: u64 = 1000;
 /// Where the bytes of a file are.
 #[derive(Clone, Copy, Debug)]
 pub struct Sizes {
-    /// The whole file.
+    /// The whole file, with its volumes if it has any.
     pub file: u64,
     /// Everything but pages and sheets.
     pub tables: u64,
@@ -44,7 +44,7 @@ impl Sizes {
                 _ => {}
             }
         }
-        let whole = file.header().file_len;
+        let whole = file.stored_len();
         let tables = whole - padded - sheets;
         Sizes { file: whole, tables, sheets, chunks, pages, padding: padded - pages }
     }

@@ -39,7 +39,8 @@ pub struct Fetch {
 struct Shared {
     file: Arc<Chpm<MappedFile>>,
     /// The same file once more, for reading at an offset.
-    pages: File,
+    /// The file, and its volumes if it has any.
+    pages: Vec<File>,
     /// Bytes that each page takes.
     lens: Vec<u64>,
     queue: Mutex<Queue>,
@@ -73,9 +74,11 @@ impl Fetch {
         threads: usize,
         budget: Bytes,
     ) -> Result<Self, ViewerError> {
-        let path = file.get_ref().path();
-        let pages =
-            File::open(path).map_err(|source| ViewerError::Open { path: path.to_path_buf(), source })?;
+        let open = |part: &MappedFile| {
+            let path = part.path();
+            File::open(path).map_err(|source| ViewerError::Open { path: path.to_path_buf(), source })
+        };
+        let pages = file.parts().map(open).collect::<Result<_, _>>()?;
         let lens = held_bytes(&file, &tint);
         let roots = file.roots().map(|root| lens[root.index()]).sum();
         let (room, blocks) = (AtomicU64::new(0), AtomicU64::new(0));
@@ -251,8 +254,10 @@ impl Shared {
 
     fn announce(&self, cluster: ClusterId) {
         let record = &self.file.clusters()[cluster.index()];
-        let range = (record.page_offset as usize, record.page_len as usize);
-        self.file.get_ref().advise_range(Access::WillNeed, range.0, range.1);
+        let (part, offset) = self.file.page_place(cluster);
+        if let Some(map) = self.file.parts().nth(part) {
+            map.advise_range(Access::WillNeed, offset as usize, record.page_len as usize);
+        }
     }
 
     /// Reads and checks. What the page takes is given back by its drop, and here if there will be none.

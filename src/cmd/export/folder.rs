@@ -1,6 +1,7 @@
 //! A tileset in a folder, which a next run goes on with where one was stopped.
 
 use super::{Args, Sums, Work};
+use crate::cmd::check_unchanged;
 use crate::folder::{OutputFolder, above};
 use crate::output;
 use crate::progress::line;
@@ -83,7 +84,7 @@ fn fill(work: &Work<'_>, options: &Options, folder: &OutputFolder) -> Result<Sum
         }
         work.step()
     })?;
-    file.get_ref().check_unchanged()?;
+    check_unchanged(file)?;
     let [tiles, triangles, bytes] = [tiles, triangles, bytes].map(AtomicU64::into_inner);
     Ok(Sums { sets, tiles, triangles, bytes, archive: None })
 }

@@ -8,11 +8,12 @@ use crate::context::Context;
 use crate::decompose::{Regions, Results};
 use crate::emit::{Known, Output};
 use crate::error::BuildError;
+use crate::output::OutputFiles;
 use crate::progress::Stage;
 use crate::simplify::{self, Handed, Inputs, Levels};
 use crate::trim::{self, Built};
 use crate::{allowance, hierarchy, layout};
-use chpm_extmem::{AtomicFile, FailPoints, PartWriter, Reservation};
+use chpm_extmem::{FailPoints, PartWriter, Reservation};
 use chpm_format::{ClusterRecord, Remnant};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -248,7 +249,7 @@ impl Job<'_> {
         let output = &chpm_extmem::target(output, overwrite)?;
         let _lock = chpm_extmem::Lock::acquire(output)?;
         let fail_points = self.context.store.workdir.fail_points().clone();
-        let out = AtomicFile::create_with(output, overwrite, fail_points)?;
+        let out = OutputFiles::create(output, self.settings().volumes, overwrite, fail_points)?;
         let known =
             self.folder.read::<(Known, Arranged)>(Step::Hierarchy, Some(&self.context.store))?.record.0;
         let (built, _tables) = self.built()?;

@@ -15,3 +15,4 @@ mod shapes;
 mod site;
 mod small;
 mod stop;
+mod volumes;

@@ -33,8 +33,10 @@ fn check_bytes<D: AsRef<[u8]>>(file: &Chpm<D>, sheet: &Sheet<'_>, place: FilePar
     report.expect(record.is_padded(), Invariant::Bytes, place, "zeros in reserved bytes expected");
     let end = record.offset + record.len();
     let next = file.sheets().get(record.cluster as usize + 1).map_or(end, |next| next.offset);
-    let padding = &file.section(SectionKind::Texels)[end as usize..next as usize];
-    let zero = padding.iter().all(|byte| *byte == 0);
+    let texels = file.sections().find(|(kind, _)| *kind == SectionKind::Texels);
+    let first = texels.map_or(0, |(_, range)| range.start as u64);
+    let padding = file.at(first + end, next - end);
+    let zero = padding.is_some_and(|padding| padding.iter().all(|byte| *byte == 0));
     report.expect(zero, Invariant::Bytes, place, "zeros behind the sheet expected");
 }
 

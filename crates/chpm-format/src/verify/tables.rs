@@ -9,7 +9,7 @@ use crate::reader::Chpm;
 use crate::records::ClusterRecord;
 use crate::section::{self, SectionKind};
 use crate::tables::{bounds, leaf_triangles, max_error, statistics};
-use crate::{TABLE_ALIGN, align_up, checksum};
+use crate::{TABLE_ALIGN, align_up, checksum, volume};
 use chpm_mesh::{ClusterId, GroupId};
 use std::fmt::Debug;
 
@@ -18,6 +18,7 @@ pub(super) fn check<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
     check_levels(file, report);
     check_zeros(file, report);
     check_chunks(file, report);
+    check_volumes(file, report);
     for id in (0..file.groups().len() as u32).map(GroupId) {
         check_group(file, id, report);
     }
@@ -116,6 +117,23 @@ fn check_chunks<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
     }
 }
 
+/// Zeros in heads of volumes behind what tells whose they are, and between sheets and pages.
+fn check_volumes<D: AsRef<[u8]>>(file: &Chpm<D>, report: &mut Report) {
+    let zero = |bytes: &[u8]| bytes.iter().all(|byte| *byte == 0);
+    let known = file.header().version_minor <= VERSION_MINOR;
+    for (number, volume) in (1..).zip(file.volumes()) {
+        let reserved = &volume.as_ref()[volume::TOLD..volume::HEAD_LEN as usize];
+        let place = FilePart::Volume(number);
+        report.expect(!known || zero(reserved), Invariant::Bytes, place, "zeros in its head expected");
+    }
+    let range = |kind| file.sections().find(|(found, _)| *found == kind).map(|(_, range)| range);
+    if let (Some(texels), Some(pages)) = (range(SectionKind::Texels), range(SectionKind::Pages)) {
+        let padding = file.at(texels.end as u64, (pages.start - texels.end) as u64);
+        let place = FilePart::Section(SectionKind::Texels);
+        report.expect(padding.is_some_and(zero), Invariant::Bytes, place, "zeros behind sheets expected");
+    }
+}
+
 /// A group bounds its members, and everything that its split brings (I2, I6).
 fn check_group<D: AsRef<[u8]>>(file: &Chpm<D>, id: GroupId, report: &mut Report) {
     let (group, place) = (&file.groups()[id.index()], FilePart::Group(id));
@@ -196,7 +214,7 @@ pub(super) fn page_padding_is_zero<D: AsRef<[u8]>>(file: &Chpm<D>, id: ClusterId
     let record = &file.clusters()[id.index()];
     let end = record.page_offset + u64::from(record.page_len);
     let padded = align_up(end, file.header().page_align.into()).unwrap_or(end);
-    file.bytes().get(end as usize..padded as usize).is_some_and(|padding| padding.iter().all(|b| *b == 0))
+    file.at(end, padded - end).is_some_and(|padding| padding.iter().all(|b| *b == 0))
 }
 
 fn equal<T: PartialEq + Debug>(

@@ -111,8 +111,8 @@ fn chained_file(sample: &Sample) -> (Vec<u8>, Vec<Vec<u8>>) {
     (write(&mut tables, &stored), raw)
 }
 
-fn remote(bytes: &[u8]) -> RemoteChpm<impl FnMut(u64, &mut [u8]) -> io::Result<()>> {
-    let read = move |offset: u64, out: &mut [u8]| {
+fn remote(bytes: &[u8]) -> RemoteChpm<impl FnMut(usize, u64, &mut [u8]) -> io::Result<()>> {
+    let read = move |_: usize, offset: u64, out: &mut [u8]| {
         let start = offset as usize;
         out.copy_from_slice(bytes.get(start..start + out.len()).ok_or(io::ErrorKind::UnexpectedEof)?);
         Ok(())

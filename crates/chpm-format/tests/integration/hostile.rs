@@ -97,7 +97,7 @@ fn headers_of_another_kind_are_refused_by_name() {
     let good = tetrahedron().bytes();
     let header = |offset, value: &[u8]| refusal(with(&good, offset, value));
     assert!(header(offset_of!(Header, version_major), &[2]).contains("version 2.1 is not supported"));
-    assert!(header(offset_of!(Header, required_flags), &[0x40]).contains("unknown required feature 0x40"));
+    assert!(header(offset_of!(Header, required_flags), &[0x80]).contains("unknown required feature 0x80"));
     assert_eq!(header(offset_of!(Header, version_minor), &[9]), "opened");
     assert_eq!(header(offset_of!(Header, optional_flags), &[9]), "opened");
     for (offset, value, name) in [
@@ -109,6 +109,7 @@ fn headers_of_another_kind_are_refused_by_name() {
         (offset_of!(Header, attributes), 8, "attributes"),
         (offset_of!(Header, attributes), 4, "flag of octahedral normals"),
         (offset_of!(Header, required_flags), 2, "flag of octahedral normals"),
+        (offset_of!(Header, required_flags), 0x40, "bit 6 of required_flags says of VOLUMES"),
         (offset_of!(Header, cluster_count), 2, "cluster_count"),
         (offset_of!(Header, group_count), u32::MAX, "group_count"),
         (offset_of!(Header, level_count), 0, "level_count"),

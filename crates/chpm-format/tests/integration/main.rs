@@ -21,3 +21,5 @@ mod sheets;
 mod text;
 /// Every invariant that `verify` knows is missed when it is broken.
 mod verify;
+/// Pages in files of their own: nothing changes, and what is not theirs is refused by name.
+mod volumes;

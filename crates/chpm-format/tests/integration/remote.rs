@@ -28,8 +28,8 @@ static SMALL: LazyLock<Vec<u8>> = LazyLock::new(|| chunked(8, 4, ALL));
 fn reader<'a>(
     bytes: &'a [u8],
     asked: &'a RefCell<Vec<Range<usize>>>,
-) -> impl FnMut(u64, &mut [u8]) -> io::Result<()> {
-    move |offset, out| {
+) -> impl FnMut(usize, u64, &mut [u8]) -> io::Result<()> {
+    move |_, offset, out| {
         let range = offset as usize..offset as usize + out.len();
         asked.borrow_mut().push(range.clone());
         out.copy_from_slice(bytes.get(range).ok_or(io::ErrorKind::UnexpectedEof)?);
@@ -37,10 +37,10 @@ fn reader<'a>(
     }
 }
 
-type Read<'a> = Box<dyn FnMut(u64, &mut [u8]) -> io::Result<()> + 'a>;
+type Read<'a> = Box<dyn FnMut(usize, u64, &mut [u8]) -> io::Result<()> + 'a>;
 
 fn remote(bytes: &[u8]) -> Result<RemoteChpm<Read<'_>>, FormatError> {
-    let read = move |offset: u64, out: &mut [u8]| {
+    let read = move |_: usize, offset: u64, out: &mut [u8]| {
         let start = usize::try_from(offset).unwrap();
         out.copy_from_slice(bytes.get(start..start + out.len()).ok_or(io::ErrorKind::UnexpectedEof)?);
         Ok(())
@@ -182,7 +182,7 @@ fn every_cut_and_every_refusal_to_read_is_an_error() {
     for len in (0..SMALL.len()).step_by(61) {
         assert!(remote(&SMALL[..len]).is_err(), "{len}");
         // The server says that there is more.
-        let cut = |offset: u64, out: &mut [u8]| {
+        let cut = |_: usize, offset: u64, out: &mut [u8]| {
             let range = offset as usize..offset as usize + out.len();
             out.copy_from_slice(SMALL[..len].get(range).ok_or(io::ErrorKind::UnexpectedEof)?);
             Ok(())
@@ -191,7 +191,7 @@ fn every_cut_and_every_refusal_to_read_is_an_error() {
         assert!(matches!(opened.err(), Some(FormatError::Read(_))) || len >= FIRST_BYTES as usize, "{len}");
     }
     for len in [1, u64::MAX] {
-        let opened = RemoteChpm::open(len, |_, out: &mut [u8]| {
+        let opened = RemoteChpm::open(len, |_, _, out: &mut [u8]| {
             out.copy_from_slice(&LARGE[..out.len()]);
             Ok(())
         });

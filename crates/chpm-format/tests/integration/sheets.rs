@@ -39,7 +39,7 @@ fn sheet_of(layout: &SheetLayout, image: &[u8]) -> (SheetRecord, Vec<u8>) {
 }
 
 /// A file of three clusters, each with a sheet of another length.
-fn bytes(change: impl Fn(usize, &mut SheetLayout)) -> Vec<u8> {
+pub(crate) fn bytes(change: impl Fn(usize, &mut SheetLayout)) -> Vec<u8> {
     let (mut tables, pages) = two_level().tables();
     let mut sheets = Vec::new();
     for (at, cluster) in tables.clusters.iter().enumerate() {

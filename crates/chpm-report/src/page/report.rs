@@ -169,8 +169,8 @@ fn facts(file: &Chpm<MappedFile>, metadata: &Metadata) -> Vec<(&'static str, Str
         ("Vertices", Short(h.source_vertex_count).to_string()),
         ("Clusters", Short(h.cluster_count.into()).to_string()),
         ("Levels", h.level_count.to_string()),
-        ("Size", Bytes(h.file_len).to_string()),
-        ("Bytes a triangle", format!("{:.1}", per_triangle(h.file_len, h.source_triangle_count))),
+        ("Size", Bytes(file.stored_len()).to_string()),
+        ("Bytes a triangle", format!("{:.1}", per_triangle(file.stored_len(), h.source_triangle_count))),
         ("Largest error", format!("{} units", Units(h.max_error.into()))),
         ("Built by", metadata.generator.clone()),
     ]

@@ -242,7 +242,7 @@ impl Stats {
             ("longest_path", Some(self.groups.longest_path.into())),
             ("aspect", median(rows.iter().filter_map(|row| row.aspect))),
             ("overlap", median(rows.iter().filter_map(|row| row.overlap))),
-            ("bytes", Some(h.file_len as f64)),
+            ("bytes", Some(file.stored_len() as f64)),
             ("bytes_per_triangle", Some(self.bytes.per_triangle)),
         ];
 

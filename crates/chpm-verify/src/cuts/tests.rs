@@ -301,7 +301,7 @@ fn pages_are_read_a_few_times_for_each_cut_in_little_memory() {
     let mesh = TriMesh::new(positions, (0..plan.triangles).map(|t| plan.corners(t)).collect());
     let bytes = built(&mesh).into_inner();
     let file = Chpm::open(Counted(bytes, AtomicU64::new(0))).unwrap();
-    let file = file.watched(|counted, bytes| {
+    let file = file.watched(|counted, _, bytes| {
         counted.1.fetch_add(bytes, Ordering::Relaxed);
     });
     let folder = tempfile::tempdir().unwrap();

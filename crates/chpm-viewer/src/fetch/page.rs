@@ -52,7 +52,7 @@ impl PageData {
     /// Reads a page at its place and checks all of it.
     pub(super) fn read(
         file: &Chpm<MappedFile>,
-        pages: &File,
+        pages: &[File],
         cluster: ClusterId,
         with_sheet: bool,
     ) -> Result<Self, ViewerError> {
@@ -60,7 +60,7 @@ impl PageData {
         let mut len = record.page_len as usize;
         let mut words = vec![0; len.div_ceil(size_of::<u32>())];
         let bytes = &mut bytemuck::cast_slice_mut(&mut words)[..len];
-        read(file, pages, cluster, bytes, record.page_offset)?;
+        read(file, pages, cluster, bytes, file.page_place(cluster))?;
         let page = file.page_checked_in(cluster, bytes);
         let page = page.map_err(|source| ViewerError::Page { path: path(file), source })?;
         if let Some(unpacked) = page.into_words() {
@@ -168,10 +168,14 @@ impl Drop for PageData {
 
 impl Stored {
     /// Reads the sheet of a cluster and checks its layout; none where the file has none.
-    fn read(file: &Chpm<MappedFile>, pages: &File, cluster: ClusterId) -> Result<Option<Self>, ViewerError> {
-        let Some((offset, len)) = file.sheet_place(cluster) else { return Ok(None) };
+    fn read(
+        file: &Chpm<MappedFile>,
+        pages: &[File],
+        cluster: ClusterId,
+    ) -> Result<Option<Self>, ViewerError> {
+        let Some((place, len)) = file.sheet_place(cluster) else { return Ok(None) };
         let mut bytes = vec![0; len as usize];
-        read(file, pages, cluster, &mut bytes, offset)?;
+        read(file, pages, cluster, &mut bytes, place)?;
         let sheet = file.sheet_in(cluster, &bytes);
         let sheet = sheet.map_err(|source| ViewerError::Page { path: path(file), source })?;
         Ok(sheet.map(|Sheet { record, layout, image }| {
@@ -193,15 +197,15 @@ fn path(file: &Chpm<MappedFile>) -> PathBuf {
 
 fn read(
     file: &Chpm<MappedFile>,
-    pages: &File,
+    pages: &[File],
     cluster: ClusterId,
     bytes: &mut [u8],
-    offset: u64,
+    (part, offset): (usize, u64),
 ) -> Result<(), ViewerError> {
     let len = bytes.len() as u32;
-    read_exact_at(pages, bytes, offset).map_err(|source| ViewerError::Read {
+    read_exact_at(&pages[part], bytes, offset).map_err(|source| ViewerError::Read {
         cluster,
-        path: path(file),
+        path: file.parts().nth(part).unwrap_or(file.get_ref()).path().to_path_buf(),
         offset,
         len,
         source,

@@ -75,7 +75,9 @@ const ASK_CALMLY: u64 = 16;
 impl Model {
     /// The file of one, whose tables are read.
     pub(super) fn file_of(path: &Path) -> Result<Arc<Chpm<MappedFile>>, ViewerError> {
-        let file = Chpm::open(MappedFile::open(path)?)
+        let map = MappedFile::open(path)?;
+        let real = map.real_path();
+        let file = Chpm::open_at(map, &real, MappedFile::open)
             .map_err(|source| ViewerError::File { path: path.to_path_buf(), source })?;
         Ok(Arc::new(file))
     }
