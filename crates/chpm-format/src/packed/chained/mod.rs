@@ -13,7 +13,6 @@ use super::bits::Near;
 use crate::error::FormatError;
 use crate::page::{PARTS, Page};
 use read::Reader;
-use rings::LINKS;
 use std::cell::RefCell;
 use write::Writer;
 
@@ -47,33 +46,24 @@ impl Shares {
         Shares(std::array::from_fn(|count| (1 << SHARE_BITS) / count.max(1) as i64))
     }
 
-    /// The number that is as far from `middle` as the numbers of `count` links are from it in the mean, the middle itself being one of them. The middle is also what
-    /// fills the links up.
+    /// The number that is as far from `middle` as the numbers of `links` are from it in the mean, the middle itself being one of them.
     #[inline(always)]
-    fn guess<const N: usize>(&self, all: &[[u32; N]], middle: u16, links: &[[u16; LINKS]], count: u32) -> [u32; N] {
+    fn guess<const N: usize>(&self, all: &[[u32; N]], middle: u16, links: &[u16]) -> [u32; N] {
         let at = all[usize::from(middle)];
         let mut sums = [0u32; N];
-        for four in links {
-            for link in four {
-                let link = all[usize::from(*link)];
-                for i in 0..N {
-                    sums[i] = sums[i].wrapping_add(link[i].wrapping_sub(at[i]));
-                }
+        for link in links {
+            let link = all[usize::from(*link)];
+            for i in 0..N {
+                sums[i] = sums[i].wrapping_add(link[i].wrapping_sub(at[i]));
             }
         }
-        let count = count as usize + 1;
+        let count = links.len() + 1;
         let share = self.0.get(count).copied().unwrap_or_else(|| (1 << SHARE_BITS) / count as i64);
         std::array::from_fn(|i| {
             let mean = i64::from(sums[i] as i32) * share >> SHARE_BITS;
             at[i].wrapping_add(mean as u32)
         })
     }
-}
-
-/// The links of the next vertex, which has so many.
-#[inline]
-fn next_links<'a>(links: &mut &'a [[u16; LINKS]], count: u32) -> &'a [[u16; LINKS]] {
-    links.split_off(..(count as usize).div_ceil(LINKS)).unwrap_or_default()
 }
 
 /// The outcome of [`chain`].

@@ -1,7 +1,7 @@
 //! From a chained page and the one above to the page itself.
 
 use super::rings::{Gone, Rings};
-use super::{CHAINED_MAGIC, ODD, RUNS, Shares, ends_of, next_links};
+use super::{CHAINED_MAGIC, ODD, RUNS, Shares, ends_of};
 use crate::error::{FormatError, invalid, require_eq};
 use crate::packed::bits::BitReader;
 use crate::packed::connect::NONE;
@@ -27,7 +27,7 @@ pub(super) struct Reader {
     own: Vec<u16>,
     /// By number: the vertex above.
     above: Vec<u16>,
-    /// By number from those above on: the vertex that it is guessed about, and how many links it has.
+    /// By number from those above on: the vertex that it is guessed about, and where its links end.
     middles: Vec<(u16, u32)>,
     /// By number of those above: the id, and of all others that are shared the numbers.
     ids: Vec<u32>,
@@ -238,7 +238,7 @@ impl Reader {
                 ODD => self.read_odd([middle, new], &gone, bits)?,
                 symbol => self.rings.fill([middle, new], &gone, ends_of(symbol)?)?,
             }
-            self.middles.push((middle, self.rings.end_split(middle)));
+            self.middles.push((middle, self.rings.links().len() as u32));
         }
         Ok(())
     }
@@ -282,12 +282,13 @@ impl Reader {
             numbers[..N].copy_from_slice(&known);
         }
         let used = self.above.len();
-        let mut links = self.rings.links();
+        let mut first = 0;
         let symbols: &[[u8; N]] = symbols.as_chunks().0;
-        for ((vertex, (middle, count)), symbols) in (used..).zip(&self.middles).zip(symbols) {
-            let own = next_links(&mut links, *count);
+        for ((vertex, (middle, end)), symbols) in (used..).zip(&self.middles).zip(symbols) {
+            let links = &self.rings.links()[first as usize..*end as usize];
+            first = *end;
             // The first is guessed from itself, which is zero until it is known.
-            let guess = self.shares.guess(all, *middle, own, *count);
+            let guess = self.shares.guess(all, *middle, links);
             let differences = bits.differences(symbols);
             let own = &mut all[vertex];
             for i in 0..N {

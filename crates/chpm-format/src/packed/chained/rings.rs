@@ -12,8 +12,6 @@ const MOST_WALKED: usize = 8;
 type Ring = [u16; 16];
 const ROOM: usize = 15;
 const SPILLED: u16 = u16::MAX;
-/// Links come by so many, so that hardly a loop over them is longer than one turn.
-pub(super) const LINKS: usize = 4;
 /// Triangles of a ring that are told at once where they go.
 pub(super) const TOLD_AT_ONCE: usize = 31;
 
@@ -90,11 +88,9 @@ pub(super) struct Rings {
     count: usize,
     most_triangles: usize,
     left: usize,
-    /// The vertices that each new one is guessed from, filled up with its middle to a multiple of [`LINKS`].
-    links: Vec<[u16; LINKS]>,
-    /// Those of the new vertex, and how many they are: the first corners behind the middle of what went to it, and some more.
-    own_links: Vec<u16>,
-    own_link_count: usize,
+    /// The vertices that each new one is guessed from, one after the other, and how many they are: the first corners behind the middle of what went to it, and some more.
+    links: Vec<u16>,
+    link_count: usize,
     /// Of the triangles that went, the second corners.
     seconds: Vec<u16>,
 }
@@ -111,8 +107,7 @@ impl Rings {
             most_triangles: 0,
             left: 0,
             links: Vec::new(),
-            own_links: vec![0; ROOM + LINKS],
-            own_link_count: 0,
+            link_count: 0,
             seconds: vec![0; ROOM],
         }
     }
@@ -128,7 +123,7 @@ impl Rings {
         }
         self.rings[..vertex_count].iter_mut().for_each(|ring| ring[0] = 0);
         self.spilled.clear();
-        self.links.clear();
+        self.link_count = 0;
         (self.head, self.count) = (NONE, 0);
         self.most_triangles = most_triangles;
         self.left = MOST_WALKED * most_triangles;
@@ -139,9 +134,8 @@ impl Rings {
         self.count
     }
 
-    /// The links of all new vertices.
-    pub(super) fn links(&self) -> &[[u16; LINKS]] {
-        &self.links
+    pub(super) fn links(&self) -> &[u16] {
+        &self.links[..self.link_count]
     }
 
     /// The triangles at a vertex.
@@ -230,6 +224,7 @@ impl Rings {
         [middle, new]: [u16; 2],
         mut told: impl FnMut(u32) -> u32,
     ) -> Result<Gone, Damage> {
+        self.reserve_links(ROOM);
         let Ok([ring, fresh]) = self.rings.get_disjoint_mut([usize::from(middle), usize::from(new)]) else {
             return Err(Damage("a vertex that is there"));
         };
@@ -240,7 +235,8 @@ impl Rings {
         }
         self.left = self.left.checked_sub(count).ok_or(Damage("rings that are not too many"))?;
         let mut gone = Gone::default();
-        let to = (&mut fresh[..], &mut self.own_links[..ROOM], &mut self.seconds[..ROOM]);
+        let links = &mut self.links[self.link_count..][..ROOM];
+        let to = (&mut fresh[..], links, &mut self.seconds[..ROOM]);
         gone.take(&mut self.triangles, [middle, new], ring, (0, count), told(count as u32), to);
         *len -= gone.count as u16;
         *of_new = gone.count as u16;
@@ -249,7 +245,7 @@ impl Rings {
             0 => ring[0],
             goes => fresh[goes - 1],
         };
-        self.own_link_count = gone.count;
+        self.link_count += gone.count;
         Ok(gone)
     }
 
@@ -261,13 +257,12 @@ impl Rings {
         let count = ring.len();
         self.left = self.left.checked_sub(count).ok_or(Damage("rings that are not too many"))?;
         let mut fresh = vec![0; count];
-        for all in [&mut self.own_links, &mut self.seconds] {
-            all.resize(all.len().max(count + LINKS), 0);
-        }
+        self.reserve_links(count);
+        self.seconds.resize(self.seconds.len().max(count), 0);
         let mut gone = Gone::default();
         for first in (0..count).step_by(TOLD_AT_ONCE) {
             let bits = told((count - first).min(TOLD_AT_ONCE) as u32);
-            let to = (&mut fresh[..], &mut self.own_links[..], &mut self.seconds[..]);
+            let to = (&mut fresh[..], &mut self.links[self.link_count..], &mut self.seconds[..]);
             gone.take(&mut self.triangles, [middle, new], &mut ring, (first, count), bits, to);
         }
         fresh.truncate(gone.count);
@@ -275,31 +270,24 @@ impl Rings {
         gone.beside = fresh.last().or(ring.first()).copied().unwrap_or(NONE);
         self.spilled[place] = ring;
         fresh.iter().for_each(|triangle| self.push(new, *triangle));
-        self.own_link_count = gone.count;
+        self.link_count += gone.count;
         Ok(gone)
+    }
+
+    /// Room for so many links, and one more.
+    #[inline]
+    fn reserve_links(&mut self, count: usize) {
+        if self.links.len() <= self.link_count + count {
+            self.links.resize(2 * (self.link_count + count) + 1, 0);
+        }
     }
 
     /// One more vertex to guess the new one from.
     #[inline]
     pub(super) fn link(&mut self, vertex: u16) {
-        self.own_links[self.own_link_count] = vertex;
-        self.own_link_count += 1;
-        // There is always room for what fills them up.
-        if self.own_link_count + LINKS > self.own_links.len() {
-            self.own_links.resize(2 * self.own_links.len(), 0);
-        }
-    }
-
-    /// Puts down the links of the new vertex. Answers how many they are, without what fills them up.
-    #[inline]
-    pub(super) fn end_split(&mut self, middle: u16) -> u32 {
-        let count = self.own_link_count;
-        self.own_links[count..count + LINKS].fill(middle);
-        let (all, _) = self.own_links.as_chunks();
-        for four in &all[..count.div_ceil(LINKS)] {
-            self.links.push(*four);
-        }
-        count as u32
+        self.reserve_links(0);
+        self.links[self.link_count] = vertex;
+        self.link_count += 1;
     }
 
     /// The ends of the triangles that went, each with the triangle that has it; none where there are none, or those that went are not one after the other.
@@ -307,7 +295,8 @@ impl Rings {
     pub(super) fn ends(&self, gone: &Gone, new: u16) -> Option<[(u16, u16); 2]> {
         let [first, last] = gone.ends().filter(|_| !gone.is_whole())?;
         let (mut of_first, mut of_last) = (usize::MAX, usize::MAX);
-        for (at, (a, b)) in self.own_links[..gone.count].iter().zip(&self.seconds).enumerate() {
+        let links = &self.links[self.link_count - gone.count..self.link_count];
+        for (at, (a, b)) in links.iter().zip(&self.seconds).enumerate() {
             of_first = if *a == first { at } else { of_first };
             of_last = if *b == last { at } else { of_last };
         }

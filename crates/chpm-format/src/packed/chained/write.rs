@@ -2,7 +2,7 @@
 
 use super::base::{Base, NOWHERE};
 use super::rings::{Gone, Rings, TOLD_AT_ONCE};
-use super::{CHAINED_MAGIC, ODD, RUNS, Shares, next_links, symbol_of};
+use super::{CHAINED_MAGIC, ODD, RUNS, Shares, symbol_of};
 use crate::error::FormatError;
 use crate::packed::bits::{BitWriter, put_difference};
 use crate::packed::connect::NONE;
@@ -41,7 +41,7 @@ pub(super) struct Writer {
     numbers: Vec<u16>,
     /// Base vertices that the page above has.
     used: usize,
-    /// By vertex from `used` on: the one that it is guessed about, and how many links it has.
+    /// By vertex from `used` on: the one that it is guessed about, and where its links end.
     middles: Vec<(u16, u32)>,
     goes: Vec<bool>,
     come: Vec<Coming>,
@@ -287,7 +287,7 @@ impl Writer {
                     self.walk_bits.put(0, 1);
                 }
             }
-            self.middles.push((middle, self.rings.end_split(middle)));
+            self.middles.push((middle, self.rings.links().len() as u32));
         }
         self.streams.end(0);
         Ok(())
@@ -297,11 +297,11 @@ impl Writer {
     fn put_array<const N: usize>(&mut self, of: impl ExactSizeIterator<Item = [u32; N]>) {
         let of: Vec<[u32; N]> = of.collect();
         let all: Vec<[u32; N]> = self.order.iter().map(|vertex| of[usize::from(*vertex)]).collect();
-        let mut links = self.rings.links();
-        for (vertex, (middle, count)) in (self.used..).zip(&self.middles) {
-            let own = next_links(&mut links, *count);
-            let guess =
-                if vertex == 0 { [0; N] } else { self.shares.guess(&all, *middle, own, *count) };
+        let mut first = 0;
+        for (vertex, (middle, end)) in (self.used..).zip(&self.middles) {
+            let links = &self.rings.links()[first as usize..*end as usize];
+            first = *end;
+            let guess = if vertex == 0 { [0; N] } else { self.shares.guess(&all, *middle, links) };
             for i in 0..N {
                 let difference = all[vertex][i].wrapping_sub(guess[i]);
                 put_difference(difference, &mut self.streams.symbols, &mut self.bits);
