@@ -284,7 +284,7 @@ impl Tables {
             (required_flags, version_minor) = (required_flags | SHEETS, 6);
         }
         if self.header.chained {
-            version_minor = 7;
+            version_minor = 8;
         }
 
         Ok(Header {

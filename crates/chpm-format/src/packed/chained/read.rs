@@ -143,7 +143,12 @@ impl Reader {
         }
         if attributes.colors {
             let above = parent.colors;
-            self.read_array::<4, 4>(|p| Some(above[p].map(u32::from)), streams.next(4 * told)?, v, &mut bits)?;
+            self.read_array::<4, 4>(
+                |p| Some(above[p].map(u32::from)),
+                streams.next(4 * told)?,
+                v,
+                &mut bits,
+            )?;
             colors.iter_mut().zip(&self.numbers).for_each(|(byte, number)| *byte = *number as u8);
         }
         for word in 0..words {

@@ -251,7 +251,11 @@ impl Rings {
 
     /// As [`Rings::split`], of a ring that there is no room for.
     #[cold]
-    fn split_spilled(&mut self, [middle, new]: [u16; 2], mut told: impl FnMut(u32) -> u32) -> Result<Gone, Damage> {
+    fn split_spilled(
+        &mut self,
+        [middle, new]: [u16; 2],
+        mut told: impl FnMut(u32) -> u32,
+    ) -> Result<Gone, Damage> {
         let place = usize::from(self.rings[usize::from(middle)][1]);
         let mut ring = std::mem::take(&mut self.spilled[place]);
         let count = ring.len();
