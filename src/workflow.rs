@@ -67,6 +67,8 @@ impl Workflow {
         let all = |name: &str, first| Phase { is_parted: true, ..one(name, first) };
         let mut phases = vec![
             one("plan", Step::Plan),
+            all("scatter", Step::Scatter(share)),
+            one("borders", Step::Borders),
             all("regions", Step::Regions(share)),
             one("hierarchy", Step::Hierarchy),
         ];
@@ -268,6 +270,8 @@ mod tests {
             let text = workflow().text(engine);
             for step in [
                 "stage plan",
+                "stage scatter",
+                "stage borders",
                 "regions",
                 "hierarchy",
                 "--level 0",
@@ -291,7 +295,7 @@ mod tests {
             let run = std::process::Command::new("bash").args(["-c", &script]).output().expect("bash");
             let told = String::from_utf8_lossy(&run.stderr);
             assert!(run.status.success(), "{told}");
-            assert_eq!(told.lines().count(), 11, "{told}");
+            assert_eq!(told.lines().count(), 13, "{told}");
             assert!(
                 told.contains("a scan'\\''s.ply")
                     && told.contains("'b.ply' -o 'w.stages' --weld 0.25")

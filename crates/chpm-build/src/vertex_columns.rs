@@ -3,7 +3,7 @@
 use crate::error::BuildError;
 use crate::trace::Phase;
 use bytemuck::Pod;
-use chpm_extmem::{BufferWriter, Column, Store};
+use chpm_extmem::{BufferWriter, Column, PartReader, PartWriter, Store};
 use chpm_mesh::{Attributes, VertexSlices, Vertices};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -56,6 +56,30 @@ impl VertexColumns {
                 .scalars
                 .into_iter()
                 .map(|column| by.map(column, SCALARS))
+                .collect::<Result<_, _>>()?,
+        })
+    }
+
+    /// Writes the columns to a part, one after another.
+    pub(crate) fn append_to(&self, out: &mut PartWriter) -> Result<(), BuildError> {
+        self.positions.append_to(out)?;
+        self.normals.iter().try_for_each(|column| column.append_to(out).map(|_| ()))?;
+        self.colors.iter().try_for_each(|column| column.append_to(out).map(|_| ()))?;
+        Ok(self.scalars.iter().try_for_each(|column| column.append_to(out).map(|_| ()))?)
+    }
+
+    /// The columns of `count` vertices that were written so, from where a reader is.
+    pub(crate) fn in_part(
+        from: &mut PartReader,
+        count: usize,
+        carried: Attributes,
+    ) -> Result<VertexColumns, BuildError> {
+        Ok(VertexColumns {
+            positions: from.column(POSITIONS, count)?,
+            normals: carried.normals.then(|| from.column(NORMALS, count)).transpose()?,
+            colors: carried.colors.then(|| from.column(COLORS, count)).transpose()?,
+            scalars: (0..carried.scalar_words)
+                .map(|_| from.column(SCALARS, count))
                 .collect::<Result<_, _>>()?,
         })
     }
