@@ -32,10 +32,16 @@ pub struct Column<T: Pod> {
 
 #[derive(Debug)]
 enum Storage<T: Pod> {
-    Memory { data: Vec<T>, _reservation: Reservation },
+    Memory {
+        data: Vec<T>,
+        _reservation: Reservation,
+    },
     Disk(DataFile),
     /// From an offset on in what another process wrote; it stays as it is.
-    Part { part: Arc<PartFile>, offset: u64 },
+    Part {
+        part: Arc<PartFile>,
+        offset: u64,
+    },
 }
 
 impl<T: Pod> Column<T> {
@@ -81,22 +87,16 @@ impl<T: Pod> Column<T> {
         Ok(Column { place: Storage::Part { part, offset }, len, what })
     }
 
-    /// Appends the array to a part, and answers where it begins there.
+    /// Appends the elements of a range to a part.
     ///
     /// # Errors
     /// As [`Self::read`] and [`PartWriter::append`].
-    pub fn append_to(&self, out: &mut PartWriter) -> Result<u64, ExtmemError> {
-        let (offset, mut scratch) = (out.len(), Vec::new());
-        for range in self.pieces() {
+    pub fn append_to(&self, range: Range<usize>, out: &mut PartWriter) -> Result<(), ExtmemError> {
+        let mut scratch = Vec::new();
+        pieces::<T>(range).try_for_each(|range| {
             out.append(bytemuck::cast_slice(self.read(range, &mut scratch)?))?;
-        }
-        Ok(offset)
-    }
-
-    /// Ranges that are gone through one after another.
-    fn pieces(&self) -> impl Iterator<Item = Range<usize>> + use<T> {
-        let (len, step) = (self.len, (STEP / size_of::<T>().max(1)).max(1));
-        (0..len).step_by(step).map(move |start| start..len.min(start + step))
+            Ok(())
+        })
     }
 
     /// The same array on disk.
@@ -121,7 +121,7 @@ impl<T: Pod> Column<T> {
         }
         let mut out = Appender::new(DataFile::create(&store.workdir, Some(name))?);
         let (mut hash, mut scratch) = (Xxh3::new(), Vec::new());
-        for range in self.pieces() {
+        for range in pieces::<T>(0..self.len) {
             let items = self.read(range, &mut scratch)?;
             hash.update(bytemuck::cast_slice(items));
             out.append(bytemuck::cast_slice(items))?;
@@ -280,9 +280,15 @@ pub struct Part<'a, T: Pod> {
 #[derive(Debug)]
 enum PartPlace<'a, T> {
     Memory(&'a mut [T]),
-    Disk { file: &'a DataFile, len: usize },
+    Disk {
+        file: &'a DataFile,
+        len: usize,
+    },
     /// Of an array that cannot be changed.
-    Fixed { what: &'static str, len: usize },
+    Fixed {
+        what: &'static str,
+        len: usize,
+    },
 }
 
 impl<T: Pod> Part<'_, T> {
@@ -327,6 +333,12 @@ impl<T: Pod> Part<'_, T> {
             }
         }
     }
+}
+
+/// Pieces of a range that are gone through one after another.
+fn pieces<T>(range: Range<usize>) -> impl Iterator<Item = Range<usize>> {
+    let step = (STEP / size_of::<T>().max(1)).max(1);
+    range.clone().step_by(step).map(move |start| start..range.end.min(start + step))
 }
 
 fn read_at<T: Pod>(file: &DataFile, start: usize, out: &mut [T]) -> Result<(), ExtmemError> {
@@ -392,7 +404,8 @@ mod tests {
         writer.extend_from_slice(&items).unwrap();
         let mut part = PartWriter::create(&path, FailPoints::default()).unwrap();
         part.append(b"before").unwrap();
-        assert_eq!(writer.finish_column().unwrap().append_to(&mut part).unwrap(), 6);
+        let column = writer.finish_column().unwrap();
+        [0..1, 1..299_999, 299_999..300_000].map(|range| column.append_to(range, &mut part).unwrap());
         part.finish(b"", b"").unwrap();
 
         let part = Arc::new(PartFile::open(&path, FailPoints::default()).unwrap());

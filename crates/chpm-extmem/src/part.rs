@@ -20,7 +20,7 @@ const MAGIC: [u8; 8] = *b"CHPMPRT2";
 /// Lengths of blobs, record and head, hash of the record, identity, magic.
 const TRAILER: usize = 48;
 /// Bytes of blobs that have one hash.
-const BLOCK: usize = 1 << 18;
+const BLOCK: usize = 1 << 15;
 
 /// A part on its way.
 pub struct PartWriter {

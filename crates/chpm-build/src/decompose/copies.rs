@@ -223,10 +223,10 @@ mod tests {
         let mut writer = BufferWriter::new(&store, "triangles", 0).unwrap();
         writer.extend_from_slice(&all).unwrap();
         let column = writer.finish_column().unwrap();
-        let mut of_parts = Vec::new();
+        let mut of_parts = Vec::<[u32; 3]>::new();
         for (start, end) in [(0, 1), (1, 60_000), (60_000, 60_000), (60_000, 131_072), (131_072, 200_000)] {
             let mut sieve = Sieve::behind(&column, start).unwrap();
-            of_parts.extend(all[start..end].iter().filter(|t| sieve.is_new(key(**t))));
+            of_parts.extend(all[start..end].iter().copied().filter(|t| sieve.is_new(key(*t))));
         }
         assert!(of_parts == passed);
         let mut plain = all.clone();

@@ -1,4 +1,4 @@
-//! The source as a plan hands it over: vertices by cell, triangles in the source's order, homes. All of it lies in the plan's part, of which everyone reads what
+//! The source as a plan hands it over: vertices by region, triangles in the source's order, homes. All of it lies in the plan's part, of which everyone reads what
 //! they need.
 
 use super::divide::Routed;
@@ -48,8 +48,10 @@ pub(crate) fn write(
     let leaves = leaf_count(source.triangles.len(), settings);
     let Cut { vertices, triangles, homes } = homes::run(source, leaves, settings, context)?;
     let columns = out.len();
-    vertices.append_to(out)?;
-    triangles.append_to(out)?;
+    // By region, so that who works on one reads little else.
+    let runs = || (0..homes.count()).flat_map(|region| homes.own_runs(region));
+    vertices.append_to(out, &runs)?;
+    triangles.append_to(0..triangles.len(), out)?;
     let cells: Vec<[u32; 2]> = homes.cells().map(<[u32; 2]>::from).collect();
     let offsets = [columns, out.append(bytemuck::cast_slice(&cells))?];
     let [triangles, cells] = [triangles.len(), cells.len()].map(|count| count as u64);
@@ -73,10 +75,13 @@ impl Ground {
         let sum: u64 = cells.iter().map(|[count, _]| u64::from(*count)).sum();
         let regions: Vec<u32> = cells.iter().map(|[_, region]| *region).collect();
         if sum != self.about.vertex_count || regions.iter().any(|region| *region as usize >= regions.len()) {
-            return Err(BuildError::Record(format!("{}: its cells are none of its own", part.path().display())));
+            return Err(BuildError::Record(format!(
+                "{}: its cells are none of its own",
+                part.path().display()
+            )));
         }
         let cells = Cells::new(cells.iter().map(|[count, _]| *count));
-        Ok(Opened { vertices, triangles, homes: Homes::new(cells, &regions) })
+        Ok(Opened { vertices, triangles, homes: Homes::new(cells, &regions).laid_by_region() })
     }
 }
 

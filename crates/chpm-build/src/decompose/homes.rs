@@ -29,6 +29,8 @@ pub(crate) struct Homes {
     of_cells: Vec<(u32, u32)>,
     /// The cells of each region, ascending.
     region_cells: Vec<Vec<u32>>,
+    /// Where the vertices of each region begin, if those at home in one lie together; else they lie by their numbers.
+    starts: Option<Vec<usize>>,
 }
 
 impl Homes {
@@ -43,7 +45,17 @@ impl Homes {
             counts[*region as usize] += cells.range(cell).len() as u32;
             region_cells[*region as usize].push(cell);
         }
-        Homes { cells, of_cells, region_cells }
+        Homes { cells, of_cells, region_cells, starts: None }
+    }
+
+    /// The same for vertices that lie by region, one after another.
+    pub(super) fn laid_by_region(mut self) -> Self {
+        let ends = (0..self.count()).scan(0, |end, region| {
+            *end += self.own(region);
+            Some(*end)
+        });
+        self.starts = Some(std::iter::once(0).chain(ends).collect());
+        self
     }
 
     /// Number of regions that vertices are at home in.
@@ -85,11 +97,26 @@ impl Homes {
         self.own_cells(region).iter().map(|cell| self.cells.range(*cell).len()).sum()
     }
 
-    /// Those vertices, in ranges.
-    pub(super) fn own_runs(&self, region: usize) -> impl Iterator<Item = Range<usize>> {
+    /// Where those vertices lie, in their order.
+    pub(super) fn own_runs(&self, region: usize) -> Vec<Range<usize>> {
+        if let Some(starts) = self.starts.as_ref().filter(|_| region < self.count()) {
+            return vec![starts[region]..starts[region + 1]];
+        }
         // Neighbouring cells lie side by side.
         let runs = self.own_cells(region).chunk_by(|a, b| a + 1 == *b);
-        runs.map(|run| self.cells.range(run[0]).start..self.cells.range(run[run.len() - 1]).end)
+        runs.map(|run| self.cells.range(run[0]).start..self.cells.range(run[run.len() - 1]).end).collect()
+    }
+
+    /// Where vertices of a cell lie, from one to another.
+    pub(super) fn lie(&self, first: u32, last: u32) -> Range<usize> {
+        let start = match &self.starts {
+            None => first as usize,
+            Some(starts) => {
+                let (home, number) = self.place(first);
+                starts[home as usize] + number as usize
+            }
+        };
+        start..start + (last - first) as usize + 1
     }
 
     fn own_cells(&self, region: usize) -> &[u32] {

@@ -1,15 +1,14 @@
 //! The mesh of a region, from what was sent to it.
 
+use super::copies;
 use super::divide::Foreign;
 use super::homes::Homes;
 use super::region::Mesh;
-use super::copies;
 use crate::context::Context;
 use crate::error::BuildError;
 use crate::vertex_columns::VertexColumns;
 use chpm_mesh::Vertices;
 use rayon::prelude::*;
-use std::ops::Range;
 
 /// Triangles of a region that one thread takes in at a time.
 const LOADED: usize = 1 << 14;
@@ -100,17 +99,11 @@ impl Material {
         }
         // A cell's vertices lie side by side: one read for all that are used.
         for cell in foreign.chunk_by(|a, b| homes.cell_of(a.vertex) == homes.cell_of(b.vertex)) {
-            let Range { start, end } = cell[0].vertex as usize..cell[cell.len() - 1].vertex as usize + 1;
-            let used = cell.iter().map(|f| f.vertex as usize - start);
-            gathered.gather(vertices.read(start..end, &mut scratch)?, used);
+            let (first, last) = (cell[0].vertex, cell[cell.len() - 1].vertex);
+            let used = cell.iter().map(|f| (f.vertex - first) as usize);
+            gathered.gather(vertices.read(homes.lie(first, last), &mut scratch)?, used);
         }
-        Ok(Mesh {
-            copies,
-            triangles,
-            border,
-            referenced: own_used as u64 + visited_only,
-            vertices: gathered,
-        })
+        Ok(Mesh { copies, triangles, border, referenced: own_used as u64 + visited_only, vertices: gathered })
     }
 }
 

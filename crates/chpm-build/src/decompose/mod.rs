@@ -26,8 +26,8 @@ mod tests;
 mod topology;
 
 pub(crate) use cell_graph::nearest_pairs;
-pub(crate) use leaf::{Leaf, LeafPage};
 pub(crate) use ground::{Ground, Sent, write as write_ground};
+pub(crate) use leaf::{Leaf, LeafPage};
 pub(crate) use regions::{Parts, Regions, Results, write as write_regions};
 pub(crate) use shared::SharedVertices;
 

@@ -15,7 +15,7 @@ use crate::in_order::in_order;
 use crate::report::Repairs;
 use bincode::serde::{decode_from_slice, encode_to_vec};
 use bytemuck::{Pod, Zeroable};
-use chpm_extmem::{Extent, ExtmemError, PartFile, PartFolder, PartReader, PartWriter, Spool};
+use chpm_extmem::{Extent, PartFile, PartFolder, PartReader, PartWriter, Spool};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use std::sync::Arc;
@@ -82,7 +82,8 @@ pub(crate) fn write(
             pieces[region].push(Piece { source, offset: *offset, count: *triangles });
             counts[region] += triangles;
             routed.uses[region] += uses;
-            let visits: Vec<[u32; 2]> = part.read_items(offset + 12 * triangles, *visits as usize)?;
+            let behind = offset.saturating_add(triangles.saturating_mul(size_of::<[u32; 3]>() as u64));
+            let visits: Vec<[u32; 2]> = part.read_items(behind, *visits as usize)?;
             visits.into_iter().try_for_each(|visit| routed.visits.push(region, visit))?;
         }
     }
@@ -108,7 +109,8 @@ pub(crate) fn write(
         if count > 0 {
             let mut triangles = Vec::new();
             routed.triangles.read(region, &mut triangles)?;
-            pieces = vec![Piece { source: HERE, offset: out.append(bytemuck::cast_slice(&triangles))?, count }];
+            pieces =
+                vec![Piece { source: HERE, offset: out.append(bytemuck::cast_slice(&triangles))?, count }];
         }
         let triangles = counts.get(region).copied().unwrap_or_default() + count;
         let mut foreign = Vec::new();

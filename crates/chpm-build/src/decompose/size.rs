@@ -44,9 +44,7 @@ impl Size {
             + SUM_COST * sums;
         // Where triangles have corners anywhere, and not only along the border, cells are joined to all others. They are cut before leaves
         // are gathered: of both the larger one.
-        let cut = GRAPH_COST * triangles
-            + (MESH_COST + carried.vertex_len() as u64) * used
-            + SUM_COST * sums;
+        let cut = GRAPH_COST * triangles + (MESH_COST + carried.vertex_len() as u64) * used + SUM_COST * sums;
         if 4 * foreign > triangles { sorted.max(cut) } else { sorted }
     }
 }

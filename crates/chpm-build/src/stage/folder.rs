@@ -1,4 +1,5 @@
-//! The folder of a build in stages: its parts, each of which says what made it, of what, and for which plan.
+//! The folder of a build in stages: its parts, each of which says what made it, of what, and for which plan. What its hashes vouch for is
+//! believed: they find accidents.
 
 use super::step::Step;
 use crate::error::BuildError;
@@ -150,10 +151,11 @@ impl Folder {
         let encode = || -> Result<_, Undecoded> {
             Ok((encode_to_vec((VERSION, &header), CONFIG)?, encode_to_vec(&value, CONFIG)?))
         };
-        let ((head, record), _) = archived_among(store, Some(&self.parts), encode).map_err(|error| match error {
-            Undecoded::Array(error) => error.into(),
-            Undecoded::Record(reason) => BuildError::Record(reason),
-        })?;
+        let ((head, record), _) =
+            archived_among(store, Some(&self.parts), encode).map_err(|error| match error {
+                Undecoded::Array(error) => error.into(),
+                Undecoded::Record(reason) => BuildError::Record(reason),
+            })?;
         let len = out.len();
         out.finish(&head, &record)?;
         Ok(len)

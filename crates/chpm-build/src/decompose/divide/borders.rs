@@ -34,8 +34,7 @@ impl Borders {
         let store = &context.store;
         let block = block(homes.count()) / 4;
         let mut own = Buckets::new(store, "border vertices", homes.count(), block);
-        let mut foreign =
-            Buckets::new(store, "vertices of other regions", routed.region_count(), block);
+        let mut foreign = Buckets::new(store, "vertices of other regions", routed.region_count(), block);
         let (mut visiting, mut starts, mut count) = (Vec::new(), vec![0], 0);
         for home in 0..homes.count() {
             context.check()?;

@@ -3,8 +3,8 @@
 use super::super::copies::Sieve;
 use super::super::homes::Homes;
 use super::super::size::Shares;
-use super::step::Step;
 use super::BLOCKS;
+use super::step::Step;
 use crate::context::Context;
 use crate::error::BuildError;
 use chpm_extmem::{Buckets, Column, Store};
