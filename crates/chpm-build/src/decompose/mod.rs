@@ -2,8 +2,10 @@
 //!
 //! First the whole is divided into regions of some dozen leaves, out of core: vertices are numbered by coarse cell, triangles
 //! get the new numbers, and the graph of cells is cut (`number`, `join`, `homes`); triangles are sent to their regions, and it is
-//! noted which vertices these have from others (`divide`). Then each region is loaded (`load`) and becomes leaves in memory: cells, parts, leaves, shared vertices, topology (`region`). Establishes I1: every triangle is in exactly one
-//! leaf, and a vertex of two leaves is shared in both.
+//! noted which vertices these have from others (`divide`). Then each region is loaded (`load`) and becomes leaves in memory: cells,
+//! parts, leaves, shared vertices, topology (`region`). In a build in steps, `ground` and `regions` hand over what is between these.
+//!
+//! Establishes I1: every triangle is in exactly one leaf, and a vertex of two leaves is shared in both.
 
 mod cell_graph;
 mod copies;

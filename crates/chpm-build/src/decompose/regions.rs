@@ -33,7 +33,7 @@ pub(crate) struct Regions {
 /// One region.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 struct Row {
-    /// Where it says where its triangles are. Its vertices of others lie behind that, and those of its own that others use.
+    /// Where its pieces are told. Behind them are its vertices of others, and those of its own that others use.
     offset: u64,
     pieces: u64,
     first_border: u32,
@@ -79,7 +79,9 @@ pub(crate) fn write(
             if region >= homes.count() {
                 return Err(BuildError::Record(format!("{}: no such region", part.path().display())));
             }
-            pieces[region].push(Piece { source, offset: *offset, count: *triangles });
+            if *triangles > 0 {
+                pieces[region].push(Piece { source, offset: *offset, count: *triangles });
+            }
             counts[region] += triangles;
             routed.uses[region] += uses;
             let behind = offset.saturating_add(triangles.saturating_mul(size_of::<[u32; 3]>() as u64));
