@@ -1,7 +1,7 @@
 //! Chained pages: what the base mesh is comes from a page above, and all other vertices and triangles by vertex splits.
 //!
 //! The finest mesh of a coarse cluster holds the base meshes of the fine ones that replace it (I4). So a page says which of its triangles those are, and then, split
-//! by split, which vertex is split, which of the triangles about it the new vertex takes, and how far that is from the middle of its ring. FORMAT.md, "Chained page".
+//! by split, which vertex is split, which of the triangles about it the new vertex takes, and how far that is from the middle of those. FORMAT.md, "Chained page".
 
 mod base;
 mod read;
