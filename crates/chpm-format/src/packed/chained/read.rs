@@ -202,7 +202,10 @@ impl Reader {
                         return Err(Damage("a base mesh of the page above"));
                     }
                     *corner = *own;
-                    let place = self.above.get_mut(usize::from(used)).ok_or(Damage("a base mesh of the page above"))?;
+                    let place = self
+                        .above
+                        .get_mut(usize::from(used))
+                        .ok_or(Damage("a base mesh of the page above"))?;
                     *place = *vertex;
                     used += u16::from(*own == used);
                 }
