@@ -60,7 +60,7 @@ impl Shares {
         let count = links.len() + 1;
         let share = self.0.get(count).copied().unwrap_or_else(|| (1 << SHARE_BITS) / count as i64);
         std::array::from_fn(|i| {
-            let mean = i64::from(sums[i] as i32) * share >> SHARE_BITS;
+            let mean = (i64::from(sums[i] as i32) * share) >> SHARE_BITS;
             at[i].wrapping_add(mean as u32)
         })
     }
