@@ -264,7 +264,7 @@ fn pages_of_no_surface_are_chained() {
     triangles.extend((60..90).map(|i| [i, i + 1, i + 2]));
     triangles.extend([[60, 61, 62], [60, 61, 90], [60, 61, 91]]);
     let positions: Vec<[f32; 3]> = (0..92u16).map(|i| [f32::from(i), f32::from(i * 7 % 13), 1.0]).collect();
-    let targets: Vec<u16> = (20..92u16).map(|i| if i % 5 == 0 { 0 } else { i - 1 }).collect();
+    let targets: Vec<u16> = (20..92u16).map(|i| if i % 9 == 0 { 0 } else { i - 1 }).collect();
     let errors: Vec<f32> = (0..72).map(|i| 72.0 - i as f32).collect();
     let shared: Vec<(u16, u32)> = (0..92).step_by(4).map(|i| (i, u32::from(i) * 3)).collect();
     let parts = PageParts {

@@ -1,7 +1,7 @@
 //! Chained pages: what the base mesh is comes from a page above, and all other vertices and triangles by vertex splits.
 //!
 //! The finest mesh of a coarse cluster holds the base meshes of the fine ones that replace it (I4). So a page says which of its triangles those are, and then, split
-//! by split, which vertex is split, which of the triangles about it the new vertex takes, and how far that is from the middle of its ring. FORMAT.md, "Chained page".
+//! by split, which vertex is split, which of the triangles about it the new vertex takes, and how far that is from the middle of those. FORMAT.md, "Chained page".
 
 mod base;
 mod read;
@@ -60,7 +60,7 @@ impl Shares {
         let count = links.len() + 1;
         let share = self.0.get(count).copied().unwrap_or_else(|| (1 << SHARE_BITS) / count as i64);
         std::array::from_fn(|i| {
-            let mean = i64::from(sums[i] as i32) * share >> SHARE_BITS;
+            let mean = (i64::from(sums[i] as i32) * share) >> SHARE_BITS;
             at[i].wrapping_add(mean as u32)
         })
     }

@@ -198,8 +198,14 @@ impl Reader {
                     let own = self.own.get_mut(usize::from(*vertex)).ok_or(Damage("a vertex above"))?;
                     // One that is new has the next number, which is less than none's.
                     *own = (*own).min(used);
+                    if usize::from(*own) >= most {
+                        return Err(Damage("a base mesh of the page above"));
+                    }
                     *corner = *own;
-                    let place = self.above.get_mut(usize::from(used)).ok_or(Damage("a base mesh above"))?;
+                    let place = self
+                        .above
+                        .get_mut(usize::from(used))
+                        .ok_or(Damage("a base mesh of the page above"))?;
                     *place = *vertex;
                     used += u16::from(*own == used);
                 }
@@ -212,8 +218,7 @@ impl Reader {
         }
         self.above.truncate(used.into());
         self.rings.end_base();
-        let triangles = self.rings.triangle_count() == header.base_triangle_count as usize;
-        if !triangles || self.above.len() > header.base_vertex_count as usize {
+        if self.rings.triangle_count() != header.base_triangle_count as usize {
             return Err(Damage("a base mesh of the page above"));
         }
         Ok(())

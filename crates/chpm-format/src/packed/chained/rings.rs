@@ -62,15 +62,19 @@ impl Gone {
         self.sums[0] == 0
     }
 
-    /// The two ends of the triangles that went: the one a that is no b, and the one b that is no a.
+    /// The two ends of the triangles that went, where they are one after the other: the one a that is no b, and the one b that is no a.
     #[inline]
     fn ends(&self) -> Option<[u16; 2]> {
         let [apart, squares] = self.sums;
+        if self.is_whole() {
+            return None;
+        }
         // All others come in both sums with either sign. As floats, since a division of whole numbers takes longer.
         let sum = (squares as f64 / apart as f64) as i64;
         let first = (sum + apart) >> 1;
         let last = first - apart;
-        (sum * apart == squares && first + last == sum).then_some([first as u16, last as u16])
+        let is_one = sum * apart == squares && first + last == sum;
+        is_one.then_some([u16::try_from(first).ok()?, u16::try_from(last).ok()?])
     }
 }
 
@@ -297,7 +301,7 @@ impl Rings {
     /// The ends of the triangles that went, each with the triangle that has it; none where there are none, or those that went are not one after the other.
     #[inline]
     pub(super) fn ends(&self, gone: &Gone, new: u16) -> Option<[(u16, u16); 2]> {
-        let [first, last] = gone.ends().filter(|_| !gone.is_whole())?;
+        let [first, last] = gone.ends()?;
         let (mut of_first, mut of_last) = (usize::MAX, usize::MAX);
         let links = &self.links[self.link_count - gone.count..self.link_count];
         for (at, (a, b)) in links.iter().zip(&self.seconds).enumerate() {
