@@ -20,8 +20,12 @@ def needs(name, names):
     """The files that a step reads."""
     of = lambda *starts: [other for other in names if other.startswith(starts)]
     level = re.match(r"(?:group|simplify)-([0-9]+)", name)
-    if name.startswith("regions"):
+    if name.startswith("scatter"):
         return of("plan")
+    if name.startswith("borders"):
+        return of("scatter")
+    if name.startswith("regions"):
+        return of("borders")
     if name.startswith("hierarchy"):
         return of("regions")
     if name.startswith("group"):
@@ -61,7 +65,7 @@ def schedule(times, workers):
 
 
 def phase(name):
-    return re.match(r"[a-z]+(?:-[0-9]+(?=-[0-9]+-|\.))?", name)[0] if not name.startswith(("regions", "emit")) else name.split("-")[0]
+    return re.match(r"[a-z]+(?:-[0-9]+(?=-[0-9]+-|\.))?", name)[0] if not name.startswith(("scatter", "regions", "emit")) else name.split("-")[0]
 
 
 def main():

@@ -31,7 +31,7 @@ const EXAMPLES: &[(&str, &[Example])] = &[
         "stage",
         &[
             ("chpm stage plan scan.ply -o scan.stages --parts 2", "the first step: read, and divide"),
-            ("chpm stage regions scan.stages --part 2/2", "the next, here or on another machine"),
+            ("chpm stage scatter scan.stages --part 2/2", "the next, here or on another machine"),
             (
                 "chpm stage workflow scan.ply -o big.chpm --parts 4 --for slurm > big.sh",
                 "all of them, for a cluster",

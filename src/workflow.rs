@@ -45,11 +45,17 @@ struct Phase {
 
 /// Triangles a second on one processor in all steps together, and how that is shared among them.
 const RATE: f64 = 300_000.0;
-const SHARES: [(&str, f64); 5] =
-    [("plan", 0.25), ("regions", 0.15), ("simplify", 0.5), ("emit", 0.05), ("", 0.05)];
+const SHARES: [(&str, f64); 6] =
+    [("plan", 0.1), ("scatter", 0.05), ("regions", 0.15), ("simplify", 0.5), ("emit", 0.05), ("", 0.05)];
 /// Bytes that a step leaves for each triangle of the source.
-const BYTES: [(&str, f64); 5] =
-    [("plan", 22.0), ("regions", 22.0), ("simplify", 60.0), ("emit", 50.0), ("finish", 50.0)];
+const BYTES: [(&str, f64); 6] = [
+    ("plan", 22.0),
+    ("scatter", 14.0),
+    ("regions", 22.0),
+    ("simplify", 60.0),
+    ("emit", 50.0),
+    ("finish", 50.0),
+];
 
 impl Workflow {
     /// The text for an engine.
@@ -67,6 +73,8 @@ impl Workflow {
         let all = |name: &str, first| Phase { is_parted: true, ..one(name, first) };
         let mut phases = vec![
             one("plan", Step::Plan),
+            all("scatter", Step::Scatter(share)),
+            one("borders", Step::Borders),
             all("regions", Step::Regions(share)),
             one("hierarchy", Step::Hierarchy),
         ];
@@ -121,7 +129,7 @@ impl Workflow {
         };
         let parts = if phase.is_parted { f64::from(self.parts) } else { 1.0 };
         let triangles = self.triangles as f64 * level / parts;
-        let seconds = triangles / RATE * find(&SHARES).unwrap_or(SHARES[4].1);
+        let seconds = triangles / RATE * find(&SHARES).unwrap_or(SHARES[5].1);
         // Twice what is expected, and at least a little: what an engine stops is done again.
         let minutes = 2.0 * seconds / 60.0 / f64::from(self.threads.min(4));
         (minutes.ceil() as u64 + 2, (find(&BYTES).unwrap_or(1.0) * triangles / 1048576.0).ceil() as u64 + 16)
@@ -268,6 +276,8 @@ mod tests {
             let text = workflow().text(engine);
             for step in [
                 "stage plan",
+                "stage scatter",
+                "stage borders",
                 "regions",
                 "hierarchy",
                 "--level 0",
@@ -291,7 +301,7 @@ mod tests {
             let run = std::process::Command::new("bash").args(["-c", &script]).output().expect("bash");
             let told = String::from_utf8_lossy(&run.stderr);
             assert!(run.status.success(), "{told}");
-            assert_eq!(told.lines().count(), 11, "{told}");
+            assert_eq!(told.lines().count(), 13, "{told}");
             assert!(
                 told.contains("a scan'\\''s.ply")
                     && told.contains("'b.ply' -o 'w.stages' --weld 0.25")

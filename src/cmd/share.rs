@@ -29,9 +29,9 @@ pub(crate) struct Args {
     /// The folder to write; one that is there has to be empty
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// How the model's pages are stored
-    #[arg(long, value_name = "HOW", value_enum, default_value_t = Pages::Packed)]
-    pages: Pages,
+    /// How the model's pages are stored [default: packed, or chained as a .chpm file has them]
+    #[arg(long, value_name = "HOW", value_enum)]
+    pages: Option<Pages>,
     /// Of a mesh: exact, lattice:auto or lattice:BITS, as in build [default: lattice:auto]
     #[arg(long, value_name = "HOW")]
     positions: Option<Positions>,
@@ -153,10 +153,12 @@ fn read_notes(path: &Path) -> Result<String> {
 fn write_model(args: &Args, model: &Path, stop: &Stop) -> Result<u64> {
     let shown = args.shown.settings();
     if !inputs::is_mesh(&args.file) {
-        let how = (args.pages, shown);
+        let found = if open(&args.file)?.header().is_chained() { Pages::Chained } else { Pages::Packed };
+        let how = (args.pages.unwrap_or(found), shown);
         return relayout::store_pages(&args.file, model, how, args.quiet, args.memory.clone(), stop);
     }
-    let (packed, chained) = (args.pages != Pages::Raw, args.pages == Pages::Chained);
+    let pages = args.pages.unwrap_or(Pages::Packed);
+    let (packed, chained) = (pages != Pages::Raw, pages == Pages::Chained);
     // A page is looked at: digits finer than the model's detail need not be sent.
     let positions = args.positions.unwrap_or(Positions::Auto);
     let memory = args.memory.memory().max(Bytes(MIN_MEMORY));

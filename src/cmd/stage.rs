@@ -28,8 +28,12 @@ pub(crate) struct Args {
 /// Steps, in their order. Each leaves a file in the folder of the plan.
 #[derive(clap::Subcommand, Debug)]
 enum StepArgs {
-    /// Read a mesh, and divide it into regions
+    /// Read a mesh, and divide its vertices into regions
     Plan(Box<PlanArgs>),
+    /// Send some triangles to their regions
+    Scatter(PartArgs),
+    /// Number the vertices that several regions have
+    Borders(CommonArgs),
     /// Cut some regions into leaves
     Regions(PartArgs),
     /// Put a tree over all leaves
@@ -66,7 +70,7 @@ struct WorkflowArgs {
     /// The file to build; the folder of the steps lies beside it, as scan.stages for scan.chpm
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Parts that regions, levels and pages are divided into
+    /// Parts that triangles, regions, levels and pages are divided into
     #[arg(long, value_name = "N", value_parser = number::count(1_u32..=MOST_PARTS))]
     parts: u32,
     /// Levels that are simplified in parts; as many as suit the length of the mesh if not given
@@ -93,7 +97,7 @@ struct PlanArgs {
     /// The folder for all that steps leave, which all machines see
     #[arg(short, long, value_name = "FOLDER")]
     output: PathBuf,
-    /// Parts that regions, levels and pages are divided into
+    /// Parts that triangles, regions, levels and pages are divided into
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = number::count(1_u32..=MOST_PARTS))]
     parts: u32,
     /// Levels that are simplified in parts; those of many clusters if not given
@@ -223,6 +227,8 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         StepArgs::Plan(args) => return plan(args, stop),
         StepArgs::Workflow(args) => return workflow(args),
         StepArgs::Check(args) => return check(args, stop),
+        StepArgs::Scatter(args) => (Step::Scatter(args.part), &args.common),
+        StepArgs::Borders(common) => (Step::Borders, common),
         StepArgs::Regions(args) => (Step::Regions(args.part), &args.common),
         StepArgs::Hierarchy(common) => (Step::Hierarchy, common),
         StepArgs::Group(args) => (Step::Group(args.level), &args.common),

@@ -321,7 +321,7 @@ fn bounds_that_are_tight_are_smaller_and_hold() {
 #[test]
 fn a_mesh_is_taken_further_than_the_file_goes() {
     let folder = Folder::new();
-    folder.stdout("synth isosurface --triangles 6000 -o in.ply -q");
+    folder.stdout("synth isosurface --triangles 3000 -o in.ply -q");
     let asked = "simplify in.ply --within 1%";
     let told =
         |effort: u32, rest: &str| json(&folder, &format!("{asked} --effort {effort} {rest} --json -qf"), 0);

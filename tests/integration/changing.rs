@@ -17,9 +17,13 @@ use std::process::Stdio;
 use std::time::SystemTime;
 
 fn built() -> Folder {
+    built_with("raw")
+}
+
+fn built_with(pages: &str) -> Folder {
     let folder = Folder::new();
     folder.stdout("synth sphere --triangles 20k -o in.ply -q");
-    folder.stdout("build in.ply -q --cluster-triangles 512");
+    folder.stdout(&format!("build in.ply -q --cluster-triangles 512 --pages {pages}"));
     folder
 }
 
@@ -31,7 +35,12 @@ fn truncate(path: &Path) {
 
 #[test]
 fn a_file_that_is_truncated_while_it_is_dumped_is_an_error() {
-    let folder = built();
+    for pages in ["raw", "chained"] {
+        dumps_a_file_that_is_truncated(&built_with(pages));
+    }
+}
+
+fn dumps_a_file_that_is_truncated(folder: &Folder) {
     let mut command = folder.command("dump in.chpm --pages");
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("a process");
     // Far less than all: the rest waits in the process until this is read.
@@ -66,7 +75,12 @@ fn a_file_that_is_truncated_before_it_is_walked_along_is_an_error() {
 
 #[test]
 fn verification_and_extraction_outlive_a_file_that_is_truncated() {
-    let folder = built();
+    for pages in ["raw", "chained"] {
+        outlive_a_file_that_is_truncated(&built_with(pages));
+    }
+}
+
+fn outlive_a_file_that_is_truncated(folder: &Folder) {
     let path = folder.path("in.chpm");
     let bytes = folder.read("in.chpm");
     let open = || Chpm::open(MappedFile::open(&path).expect("a map")).expect("a file");

@@ -50,6 +50,17 @@ fn reading_takes_no_more_memory_than_is_given() {
         let peak = peak(&folder, &format!("{words} --memory 36M"));
         assert!(peak <= given, "{words}: {peak} kB");
     }
+    // Pages above are kept unpacked, within the same memory.
+    folder.stdout("relayout in.chpm -o chained.chpm --pages chained -q");
+    for words in [
+        "verify chained.chpm -q",
+        "verify chained.chpm --cuts 6 -q",
+        "dump chained.chpm --pages",
+        "extract chained.chpm --level 0 -o out.ply -qf",
+    ] {
+        let peak = peak(&folder, &format!("{words} --memory 36M"));
+        assert!(peak <= given, "{words}: {peak} kB");
+    }
     // This holds the mesh, and says how much that takes.
     let words = "extract in.chpm --level 0 --order cache-oblivious -o ordered.ply -qf --memory";
     let told = folder.stderr(&format!("{words} 64M"), 2);

@@ -8,7 +8,9 @@ use std::process::{Command, Stdio};
 fn steps(parts: u32, levels: u32) -> Vec<String> {
     let all =
         |words: &str| (1..=parts).map(|part| format!("{words} --part {part}/{parts}")).collect::<Vec<_>>();
-    let mut steps = all("regions w.stages");
+    let mut steps = all("scatter w.stages");
+    steps.push("borders w.stages".to_owned());
+    steps.extend(all("regions w.stages"));
     steps.push("hierarchy w.stages".to_owned());
     for level in 0..levels {
         steps.push(format!("group w.stages --level {level}"));
@@ -166,6 +168,13 @@ fn a_step_that_is_killed_at_any_access_is_done_again() {
 fn what_does_not_belong_together_is_refused_by_name() {
     let (folder, _) = model(SMALL);
     plan(&folder, 2, 1, SMALL);
+    let told = folder.stderr("stage regions w.stages --part 2/2 -q", 2);
+    assert!(told.contains("borders.part' is not there") && told.contains("stage borders w.stages"), "{told}");
+    let told = folder.stderr("stage borders w.stages -q", 2);
+    assert!(told.contains("scatter-1-of-2.part' is not there") && told.contains("--part 1/2"), "{told}");
+    for step in ["scatter w.stages --part 1/2", "scatter w.stages --part 2/2", "borders w.stages"] {
+        folder.stdout(&format!("stage {step} -q"));
+    }
     let told = folder.stderr("stage hierarchy w.stages -q", 2);
     assert!(told.contains("regions-1-of-2.part' is not there") && told.contains("--part 1/2"), "{told}");
     let told = folder.stderr("stage regions w.stages --part 1/3 -q", 2);
@@ -184,8 +193,11 @@ fn what_does_not_belong_together_is_refused_by_name() {
     assert!(told.contains("regions-2-of-2.part' holds what belongs into 'regions-1-of-2.part'"), "{told}");
     plan(&folder, 2, 1, "--cluster-triangles 96");
     let told = folder.stderr("stage hierarchy w.stages -q", 2);
-    assert!(told.contains("regions-1-of-2.part' is of another plan"), "{told}");
-    assert!(told.contains("chpm stage regions w.stages --part 1/2"), "{told}");
+    assert!(told.contains("borders.part' is of another plan"), "{told}");
+    assert!(told.contains("chpm stage borders w.stages"), "{told}");
+    let told = folder.stderr("stage borders w.stages -q", 2);
+    assert!(told.contains("scatter-1-of-2.part' is of another plan"), "{told}");
+    assert!(told.contains("chpm stage scatter w.stages --part 1/2"), "{told}");
     assert!(!folder.path("w.chpm").exists());
 }
 

@@ -176,7 +176,7 @@ fn info_tells_of_volumes_within_a_screen() {
     let told = folder.stdout("info in.chpm");
     let expected = format!("{count} files of up to");
     assert!(told.contains(&expected) && told.contains("in.0001.pages to in.000"), "{told}");
-    assert!(told.lines().count() <= 24 && told.contains("CHPM 1.8"), "{told}");
+    assert!(told.lines().count() <= 24 && told.contains("CHPM 1.9"), "{told}");
     let info: Value = serde_json::from_str(&folder.stdout("info in.chpm --json")).expect("JSON");
     let lens: u64 = info["volumes"]
         .as_array()

@@ -278,6 +278,12 @@ fn a_folder_to_share_has_all_that_its_page_loads() {
     let said = folder.stdout("share a.chpm -o site -q");
     assert_eq!(folder.read("site/model.chpm"), folder.read("packed.chpm"));
     assert!(said.contains("a model of "), "{said}");
+    // What is shorter stays so, unless something else is asked for.
+    folder.stdout("relayout a.chpm -o chained.chpm --pages chained -q");
+    folder.stdout("share chained.chpm -o chained -q");
+    assert_eq!(folder.read("chained/model.chpm"), folder.read("chained.chpm"));
+    folder.stdout("share chained.chpm -o chained -q --force --pages packed");
+    assert!(folder.read("chained/model.chpm").len() > folder.read("chained.chpm").len());
     let index = String::from_utf8(folder.read("site/index.html")).expect("text");
     assert!(index.contains("data-file=\"model.chpm\""), "{index}");
     // From where it is seen first is decided here, as for `render`; and what is asked for first.

@@ -6,10 +6,16 @@ import { expect, viewOf } from "./records.js";
 const NONE = 0xffff;
 /** Lengths of runs below are symbols of their own. */
 const RUNS = 16;
-const MOST_SPOKES = 62;
-const MOST_WALKED = 16;
+/** Triangles of a page at most, and those of all rings together for each of them. */
+const MOST_TRIANGLES = 0xffff;
+const MOST_WALKED = 8;
+/** Triangles of a ring that are told at once where they go. */
+const TOLD_AT_ONCE = 31;
+/** Triangles that each ring has room for at first. */
+const ROOM = 16;
 const ODD = 0;
-const [CLOSED, OPEN, LOOSE] = [0, 1, 2];
+/** Parts that make a mean are of so many. */
+const SHARE = 1 << 20;
 
 /** The place of the page above among the coarse clusters of its group; null where bytes are no chained page. */
 export function placeAbove(bytes) {
@@ -57,178 +63,215 @@ function numberOf(kind, places, expectIt) {
   };
 }
 
-/** A mesh that grows by vertex splits. A corner is four times its triangle and its place there. */
+/** A mesh that grows by vertex splits, and the triangles at each vertex. */
 class Rings {
   constructor(vertexCount, triangleCount, expectIt) {
-    Object.assign(this, { expectIt, most: triangleCount, count: 0, head: -1, left: MOST_WALKED * triangleCount });
-    this.corners = new Uint16Array(4 * triangleCount);
-    this.next = new Int32Array(4 * triangleCount);
-    this.first = new Int32Array(vertexCount).fill(-1);
+    expectIt(triangleCount <= MOST_TRIANGLES, "more than 65535 triangles");
+    Object.assign(this, { expectIt, most: triangleCount, count: 0, head: NONE, left: MOST_WALKED * triangleCount, used: ROOM * vertexCount });
+    /** Three corners for each triangle. */
+    this.corners = new Uint16Array(3 * triangleCount);
     /** By triangle, the one behind it in the page. */
-    this.behind = new Int32Array(triangleCount);
-    this.seconds = new Uint8Array(vertexCount);
-    this.thirds = new Uint8Array(vertexCount);
-    /** Triangles about a vertex as they are found: a corner, and the two behind it. */
-    this.found = [];
-    this.foundA = [];
-    this.foundB = [];
-    /** Their places in the order around the vertex. */
-    this.ring = [];
-    this.links = new Uint16Array(1024);
+    this.behind = new Uint16Array(triangleCount);
+    /** The triangles of all rings; by vertex, where they start, how many they are, and for how many there is room. */
+    this.pool = new Uint16Array(this.used);
+    this.starts = Uint32Array.from({ length: vertexCount }, (_, vertex) => ROOM * vertex);
+    this.sizes = new Uint32Array(vertexCount);
+    this.rooms = new Uint32Array(vertexCount).fill(ROOM);
+    /** Of the triangles that went to the new vertex of a split: how many, the corners behind it, sums over these, and one beside which others come. */
+    this.seconds = new Uint16Array(triangleCount);
+    this.thirds = new Uint16Array(triangleCount);
+    Object.assign(this, { gone: 0, apart: 0, squares: 0, beside: NONE });
+    this.links = new Uint16Array(3 * vertexCount + triangleCount);
     this.linkCount = 0;
   }
 
   link(vertex) {
-    if (this.linkCount === this.links.length) {
-      const longer = new Uint16Array(2 * this.links.length);
-      longer.set(this.links);
-      this.links = longer;
-    }
+    if (this.linkCount === this.links.length) this.links = longer(this.links, 2 * this.linkCount + 1);
     this.links[this.linkCount++] = vertex;
   }
 
-  /** Adds a triangle behind another one, or in front of all. */
+  /** Moves a ring to where there is room for so many triangles. */
+  #grow(vertex, room) {
+    const to = this.used;
+    this.used += room;
+    if (this.used > this.pool.length) this.pool = longer(this.pool, 2 * this.used);
+    this.pool.copyWithin(to, this.starts[vertex], this.starts[vertex] + this.sizes[vertex]);
+    this.starts[vertex] = to;
+    this.rooms[vertex] = room;
+  }
+
+  #push(vertex, triangle) {
+    const size = this.sizes[vertex];
+    if (size === this.rooms[vertex]) this.#grow(vertex, 2 * size);
+    this.pool[this.starts[vertex] + size] = triangle;
+    this.sizes[vertex] = size + 1;
+  }
+
+  /** Adds a triangle behind another one of the page, or in front of all. */
   add(a, b, c, behind) {
-    const triangle = this.count;
+    const triangle = this.count++;
     this.expectIt(triangle < this.most, "more triangles than it has");
-    if (behind < 0) {
+    const at = 3 * triangle;
+    this.corners[at] = a;
+    this.corners[at + 1] = b;
+    this.corners[at + 2] = c;
+    this.#push(a, triangle);
+    this.#push(b, triangle);
+    this.#push(c, triangle);
+    if (behind === NONE) {
       this.behind[triangle] = this.head;
       this.head = triangle;
     } else {
       this.behind[triangle] = this.behind[behind];
       this.behind[behind] = triangle;
     }
-    this.count++;
-    const { corners, next, first } = this;
-    const at = 4 * triangle;
-    corners[at] = a;
-    corners[at + 1] = b;
-    corners[at + 2] = c;
-    next[at] = first[a];
-    first[a] = at;
-    next[at + 1] = first[b];
-    first[b] = at + 1;
-    next[at + 2] = first[c];
-    first[c] = at + 2;
   }
 
-  /** Looks at the triangles about a vertex. */
-  look(vertex) {
-    const { corners, next, found, foundA, foundB, ring, seconds, thirds } = this;
-    let count = 0;
-    for (let corner = this.first[vertex]; corner >= 0; corner = next[corner], count++) {
-      const own = corner & ~3;
-      const place = corner & 3;
-      const a = corners[own + (place === 2 ? 0 : place + 1)];
-      const b = corners[own + (place === 0 ? 2 : place - 1)];
-      seconds[a] = count;
-      found[count] = corner;
-      foundA[count] = a;
-      foundB[count] = b;
-    }
-    this.size = count;
-    this.left -= count;
+  /** Hands those triangles at the middle over to the new vertex that bits tell, from the last on. The last that is left takes the place of each. */
+  split(middle, fresh, bits) {
+    const size = this.sizes[middle];
+    this.left -= size;
     this.expectIt(this.left >= 0, "rings that are too many");
-    if (count === 0) return OPEN;
-    if (count <= MOST_SPOKES) {
-      const after = (i) => {
-        const next = seconds[foundB[i]];
-        return next < count && foundA[next] === foundB[i] ? next : -1;
-      };
-      // Only the last with some second corner is found again: what comes back to the first after all has each once.
-      let length = 0;
-      let at = 0;
-      do {
-        ring[length++] = at;
-        at = after(at);
-      } while (at > 0 && length < count);
-      if (at === 0 && length === count) return CLOSED;
-      for (let i = 0; i < count; i++) thirds[foundB[i]] = i;
-      let isOnce = true;
-      for (let i = 0; i < count && isOnce; i++) isOnce = seconds[foundA[i]] === i && thirds[foundB[i]] === i;
-      if (isOnce) {
-        // Where the first is in a circle that is not all, going back does not end by itself.
-        let start = 0;
-        for (let i = 0; i < count; i++) {
-          const last = thirds[foundA[start]];
-          if (last >= count || foundB[last] !== foundA[start]) break;
-          start = last;
+    if (size > this.rooms[fresh]) this.#grow(fresh, size);
+    const { pool, corners, seconds, thirds } = this;
+    const start = this.starts[middle];
+    const own = this.starts[fresh];
+    let [gone, apart, squares] = [0, 0, 0];
+    for (let passed = 0; passed < size; passed += TOLD_AT_ONCE) {
+      let told = bits.take(Math.min(size - passed, TOLD_AT_ONCE));
+      while (told !== 0) {
+        const at = start + size - 1 - passed - (31 - Math.clz32(told & -told));
+        told &= told - 1;
+        const triangle = pool[at];
+        pool[at] = pool[start + size - 1 - gone];
+        pool[own + gone] = triangle;
+        const [x, y, z] = [3 * triangle, 3 * triangle + 1, 3 * triangle + 2];
+        let [a, b] = [corners[x], corners[y]];
+        if (a === middle) {
+          a = b;
+          b = corners[z];
+          corners[x] = fresh;
+        } else if (b === middle) {
+          b = a;
+          a = corners[z];
+          corners[y] = fresh;
+        } else {
+          corners[z] = fresh;
         }
-        length = 0;
-        for (at = start; at >= 0 && length < count; at = after(at)) ring[length++] = at;
-        if (length === count && at < 0) return OPEN;
+        seconds[gone] = a;
+        thirds[gone] = b;
+        gone++;
+        apart += a - b;
+        squares += (a - b) * (a + b);
       }
     }
-    for (let i = 0; i < count; i++) ring[i] = i;
-    return LOOSE;
+    this.sizes[middle] = size - gone;
+    this.sizes[fresh] = gone;
+    this.gone = gone;
+    this.apart = apart;
+    this.squares = squares;
+    this.beside = gone > 0 ? pool[own + gone - 1] : size > 0 ? pool[start] : NONE;
+    for (let i = 0; i < gone; i++) this.link(seconds[i]);
   }
 
-  /** The vertex in front of a triangle of the ring, or behind the last; -1 where there is none. */
-  linkAt(at) {
-    if (at < this.size) return this.foundA[this.ring[at]];
-    return at === 0 ? -1 : this.foundB[this.ring[at - 1]];
-  }
-
-  splitArc(kind, middle, fresh, start, count, inFront, atEnd) {
-    const { ring, found, foundA, corners, next, size } = this;
-    const isClosed = kind === CLOSED;
-    const isThere = isClosed ? start < size && count <= size : start + count <= size;
-    this.expectIt(kind !== LOOSE && isThere && (size > 0 || !(inFront || atEnd)), "a part of a ring that is not there");
-    let [ofFresh, ofMiddle] = [-1, -1];
-    for (let turn = 0, at = start; turn < size; turn++, at++) {
-      if (at >= size) at = 0;
-      const corner = found[ring[at]];
-      if (turn < count) {
-        this.link(foundA[ring[at]]);
-        corners[corner] = fresh;
-        next[corner] = ofFresh;
-        ofFresh = corner;
-      } else {
-        next[corner] = ofMiddle;
-        ofMiddle = corner;
-      }
+  /** Adds triangles between those that went and those that stayed. */
+  fill(middle, fresh, isInFront, isBehind) {
+    const { gone, apart, seconds, thirds, expectIt } = this;
+    if (apart === 0) {
+      expectIt(!isInFront && !isBehind, "triangles beside others that are not there");
+      return;
     }
-    this.first[middle] = ofMiddle;
-    this.first[fresh] = ofFresh;
-    let end = start + count;
-    if (isClosed && end >= size) end -= size;
-    const last = this.linkAt(end);
-    if (last < 0) return;
-    if (count > 0 || inFront || atEnd) this.link(last);
-    if (inFront) this.add(middle, this.linkAt(start), fresh, found[ring[Math.min(start, size - 1)]] >> 2);
-    if (atEnd) this.add(middle, fresh, last, found[ring[end === 0 ? size - 1 : end - 1]] >> 2);
+    // The one second corner that is no third, and the one third that is no second: all others are in both sums with either sign.
+    const first = (this.squares / apart + apart) / 2;
+    const last = first - apart;
+    let [ofFirst, ofLast] = [-1, -1];
+    for (let i = 0; i < gone; i++) {
+      if (seconds[i] === first) ofFirst = i;
+      if (thirds[i] === last) ofLast = i;
+    }
+    expectIt(ofFirst >= 0 && ofLast >= 0, "triangles that are not side by side");
+    this.link(thirds[ofLast]);
+    const own = this.starts[fresh];
+    const [besideFirst, besideLast] = [this.pool[own + ofFirst], this.pool[own + ofLast]];
+    if (isInFront) this.add(middle, seconds[ofFirst], fresh, besideFirst);
+    if (isBehind) this.add(middle, fresh, thirds[ofLast], besideLast);
   }
 
-  splitOdd(middle, fresh, bits) {
-    const { ring, found, foundA, corners, next, size } = this;
-    let [ofFresh, ofMiddle] = [-1, -1];
-    for (let at = 0; at < size; at++) {
-      const corner = found[ring[at]];
-      if (bits.take(1) !== 0) {
-        this.link(foundA[ring[at]]);
-        corners[corner] = fresh;
-        next[corner] = ofFresh;
-        ofFresh = corner;
-      } else {
-        next[corner] = ofMiddle;
-        ofMiddle = corner;
-      }
+  /** Adds the triangles of a split that are told by themselves. */
+  fillOdd(middle, fresh, bits, length) {
+    for (let behind = this.beside; bits.take(1) !== 0; behind = this.count - 1) {
+      const third = bits.take(length);
+      const isFront = bits.take(1) === 0;
+      this.expectIt(third < fresh && third !== middle, "a triangle of equal corners");
+      if (isFront) this.add(middle, third, fresh, behind);
+      else this.add(middle, fresh, third, behind);
+      this.link(third);
     }
-    this.first[middle] = ofMiddle;
-    this.first[fresh] = ofFresh;
   }
 
   /** The triangles in the page's order, each from its least corner on. */
   putTriangles(out) {
     const { corners, behind } = this;
-    for (let triangle = this.head, to = 0; triangle >= 0; triangle = behind[triangle], to += 3) {
-      const at = 4 * triangle;
-      const [a, b, c] = [corners[at], corners[at + 1], corners[at + 2]];
+    for (let triangle = this.head, to = 0; triangle !== NONE; triangle = behind[triangle], to += 3) {
+      const a = corners[3 * triangle];
+      const b = corners[3 * triangle + 1];
+      const c = corners[3 * triangle + 2];
       const first = b < a && b < c ? 1 : c < a ? 2 : 0;
-      out[to] = corners[at + first];
-      out[to + 1] = corners[at + ((first + 1) % 3)];
-      out[to + 2] = corners[at + ((first + 2) % 3)];
+      out[to] = first === 0 ? a : first === 1 ? b : c;
+      out[to + 1] = first === 0 ? b : first === 1 ? c : a;
+      out[to + 2] = first === 0 ? c : first === 1 ? a : b;
     }
+  }
+}
+
+function longer(array, length) {
+  const all = new Uint16Array(length);
+  all.set(array);
+  return all;
+}
+
+/** Adds to the numbers of vertices, `width` each: all from `used` on, as differences from a guess. `ends` has where the links of each end, `middles` what they are seen from. */
+function follow(all, width, used, middles, ends, links, symbols, bits) {
+  const shares = Float64Array.from({ length: 64 }, (_, count) => Math.floor(SHARE / Math.max(count, 1)) / SHARE);
+  for (let vertex = used, s = 0, first = 0; s < symbols.length; vertex++) {
+    const last = ends[vertex - used];
+    const count = last - first + 1;
+    const share = count < 64 ? shares[count] : Math.floor(SHARE / count) / SHARE;
+    const middle = width * middles[vertex - used];
+    for (let k = 0; k < width; k++, s++) {
+      const value = all[middle + k];
+      let sum = 0;
+      for (let link = first; link < last; link++) sum = (sum + all[width * links[link] + k] - value) | 0;
+      all[width * vertex + k] = value + Math.floor(sum * share) + bits.difference(symbols[s]);
+    }
+    first = last;
+  }
+}
+
+/** As {@link follow}, of three numbers. */
+function followThree(all, used, middles, ends, links, symbols, bits) {
+  const shares = Float64Array.from({ length: 64 }, (_, count) => Math.floor(SHARE / Math.max(count, 1)) / SHARE);
+  for (let to = 3 * used, i = 0, first = 0; 3 * i < symbols.length; i++, to += 3) {
+    const last = ends[i];
+    const count = last - first + 1;
+    const share = count < 64 ? shares[count] : Math.floor(SHARE / count) / SHARE;
+    const middle = 3 * middles[i];
+    const x = all[middle];
+    const y = all[middle + 1];
+    const z = all[middle + 2];
+    let dx = 0;
+    let dy = 0;
+    let dz = 0;
+    for (let link = first; link < last; link++) {
+      const at = 3 * links[link];
+      dx = (dx + all[at] - x) | 0;
+      dy = (dy + all[at + 1] - y) | 0;
+      dz = (dz + all[at + 2] - z) | 0;
+    }
+    all[to] = x + Math.floor(dx * share) + bits.difference(symbols[3 * i]);
+    all[to + 1] = y + Math.floor(dy * share) + bits.difference(symbols[3 * i + 1]);
+    all[to + 2] = z + Math.floor(dz * share) + bits.difference(symbols[3 * i + 2]);
+    first = last;
   }
 }
 
@@ -243,7 +286,7 @@ export function unchain(header, cluster, chained, zstd, above) {
   expectIt([v, b, t, cluster.baseTriangleCount, s].every((count, i) => count === told[i]), "other counts than its record");
   const [kind, places] = chained.subarray(KEPT, KEPT + 2);
   const triangleCountAbove = above.triangles.length / 3;
-  const most = triangleCountAbove + 2 + header.scalarWords * (2 + v) + v * (3 + widthsOf(header)) + 4 * (v - b) + 2 * s;
+  const most = triangleCountAbove + 2 + header.scalarWords * (2 + v) + v * (3 + widthsOf(header)) + 2 * (v - b) + 2 * s;
   const { walkBits, bits, one, take, finish } = streamsOf(chained, most, zstd, expectIt);
   const { page, positions, normals, colors, words, ids, triangles, targets, codes, shared, octahedral } = emptyPage(header, cluster, chained);
 
@@ -251,67 +294,53 @@ export function unchain(header, cluster, chained, zstd, above) {
   const rings = new Rings(v, t, expectIt);
   const own = new Uint16Array(above.vertexCount).fill(NONE);
   const known = new Uint16Array(b);
+  const cornersAbove = above.triangles;
+  const corners = new Uint16Array(3);
   let used = 0;
-  const number = (vertex) => {
-    if (own[vertex] === NONE) {
-      expectIt(used < b, "more base vertices than it has");
-      known[used] = vertex;
-      own[vertex] = used++;
-    }
-    return own[vertex];
-  };
   for (let triangle = 0, isTaken = false; ; isTaken = !isTaken) {
     const end = triangle + walkBits.distance(one(), RUNS);
     expectIt(end <= triangleCountAbove, "a run that goes beyond the page above");
+    if (!isTaken) triangle = end;
     for (; triangle < end; triangle++) {
-      if (!isTaken) continue;
-      const corners = [0, 1, 2].map((i) => number(above.triangles[3 * triangle + i]));
-      rings.add(...corners, rings.count - 1);
+      for (let i = 0; i < 3; i++) {
+        const vertex = cornersAbove[3 * triangle + i];
+        if (own[vertex] === NONE) {
+          expectIt(used < b, "more base vertices than it has");
+          known[used] = vertex;
+          own[vertex] = used++;
+        }
+        corners[i] = own[vertex];
+      }
+      rings.add(corners[0], corners[1], corners[2], rings.count > 0 ? rings.count - 1 : NONE);
     }
     if (triangle === triangleCountAbove) break;
   }
   expectIt(rings.count === cluster.baseTriangleCount, "another base mesh than its record");
 
-  const arcs = take(v - b);
-  let regular = 0;
-  for (let i = 0; i < arcs.length; i++) if (arcs[i] !== ODD) regular++;
-  const starts = take(regular);
+  const lengthOf = (fresh) => 32 - Math.clz32(fresh - 1);
+  for (let i = 0; i < v - b; i++) {
+    targets[i] = walkBits.take(b + i > 0 ? lengthOf(b + i) : 0);
+    expectIt(targets[i] < b + i, "a split of a vertex that is not there");
+  }
+  const splits = take(v - b);
   const ends = new Uint32Array(v - used);
   const middles = new Uint16Array(v - used);
   for (let vertex = used; vertex < b; vertex++) middles[vertex - used] = Math.max(vertex - 1, 0);
-  for (let i = 0, next = 0; i < arcs.length; i++) {
+  for (let i = 0; i < splits.length; i++) {
     const fresh = b + i;
-    const length = 32 - Math.clz32(Math.max(fresh - 1, 0));
-    const middle = walkBits.take(length);
-    expectIt(middle < fresh, "a split of a vertex that is not there");
-    targets[i] = middle;
-    const ring = rings.look(middle);
-    if (arcs[i] !== ODD) {
-      const told = arcs[i] - 1;
-      rings.splitArc(ring, middle, fresh, starts[next++], told >> 2, (told & 2) === 0, (told & 1) === 0);
-    } else {
-      const beside = rings.size > 0 ? rings.found[rings.ring[0]] >> 2 : -1;
-      rings.splitOdd(middle, fresh, walkBits);
-      const count = walkBits.distance(one(), RUNS);
-      for (let k = 0; k < count; k++) {
-        const third = walkBits.take(length);
-        const isFront = walkBits.take(1) === 0;
-        expectIt(third < fresh && third !== middle, "a triangle of equal corners");
-        const behind = k === 0 ? beside : rings.count - 1;
-        if (isFront) rings.add(middle, third, fresh, behind);
-        else rings.add(middle, fresh, third, behind);
-        rings.link(third);
-      }
-    }
-    middles[b - used + i] = middle;
-    ends[b - used + i] = rings.linkCount;
+    const middle = targets[i];
+    rings.split(middle, fresh, walkBits);
+    const told = splits[i] - 1;
+    expectIt(told < 4, "a split that is not known");
+    if (told < 0) rings.fillOdd(middle, fresh, walkBits, lengthOf(fresh));
+    else rings.fill(middle, fresh, (told & 2) === 0, (told & 1) === 0);
+    middles[fresh - used] = middle;
+    ends[fresh - used] = rings.linkCount;
   }
   expectIt(walkBits.isDone(), "more or fewer open bits than symbols need");
   expectIt(rings.count === t, "fewer triangles than its record");
   rings.putTriangles(triangles);
 
-  const { links } = rings;
-  const shares = Float64Array.from({ length: 64 }, (_, count) => 1 / Math.max(count, 1));
   /** `width` numbers of each vertex: those above as `of` has them, all others as differences from a guess. */
   const numbers = (width, of) => {
     const all = new Int32Array(width * v);
@@ -319,19 +348,8 @@ export function unchain(header, cluster, chained, zstd, above) {
       for (let k = 0; k < width; k++) all[width * i + k] = of(known[i], k);
     }
     const symbols = take(width * (v - used));
-    for (let i = used, s = 0; i < v; i++) {
-      const middle = width * middles[i - used];
-      const first = i === used ? 0 : ends[i - used - 1];
-      const last = ends[i - used];
-      const count = last - first + 1;
-      const share = count < 64 ? shares[count] : 1 / count;
-      for (let k = 0; k < width; k++, s++) {
-        const value = all[middle + k];
-        let sum = 0;
-        for (let link = first; link < last; link++) sum += (all[width * links[link] + k] - value) | 0;
-        all[width * i + k] = value + ((sum * share) | 0) + bits.difference(symbols[s]);
-      }
-    }
+    if (width === 3) followThree(all, used, middles, ends, rings.links, symbols, bits);
+    else follow(all, width, used, middles, ends, rings.links, symbols, bits);
     return all;
   };
   const floats = (out, kind, places, of) => {

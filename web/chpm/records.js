@@ -26,7 +26,9 @@ const PACKED = 1;
 const OCTAHEDRAL = 2;
 const SCALARS_FLAG = 4;
 const SHEETS = 8;
-const CHAINED = 16;
+/** As version 1.7 had it, which was never released. */
+const OUTDATED_CHAINED = 16;
+const CHAINED = 32;
 const VOLUMES_FLAG = 64;
 
 export function expect(is, message) {
@@ -57,6 +59,7 @@ export function readHeader(bytes, xxh3) {
   const sum = view.getBigUint64(248, true);
   expect(xxh3(bytes.subarray(0, 248)) === sum, () => "the header is damaged: its checksum is another one");
   const required = view.getUint32(16, true);
+  expect((required & OUTDATED_CHAINED) === 0, () => `the file has chained pages of version 1.7, not of 1.8: build it again (${required})`);
   expect((required & ~(PACKED | OCTAHEDRAL | SCALARS_FLAG | SHEETS | CHAINED | VOLUMES_FLAG)) === 0, () => `the file uses features that this reader does not know (${required})`);
 
   const header = {

@@ -3,7 +3,7 @@
 use crate::error::BuildError;
 use crate::trace::Phase;
 use bytemuck::Pod;
-use chpm_extmem::{BufferWriter, Column, Store};
+use chpm_extmem::{BufferWriter, Column, ExtmemError, PartReader, PartWriter, Store};
 use chpm_mesh::{Attributes, VertexSlices, Vertices};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -56,6 +56,41 @@ impl VertexColumns {
                 .scalars
                 .into_iter()
                 .map(|column| by.map(column, SCALARS))
+                .collect::<Result<_, _>>()?,
+        })
+    }
+
+    /// Writes the columns to a part, one after another: of each what lies in some ranges.
+    pub(crate) fn append_to<R: Iterator<Item = Range<usize>>>(
+        &self,
+        out: &mut PartWriter,
+        ranges: &impl Fn() -> R,
+    ) -> Result<(), BuildError> {
+        fn append<T: Pod>(
+            column: &Column<T>,
+            mut ranges: impl Iterator<Item = Range<usize>>,
+            out: &mut PartWriter,
+        ) -> Result<(), ExtmemError> {
+            ranges.try_for_each(|range| column.append_to(range, out))
+        }
+        append(&self.positions, ranges(), out)?;
+        self.normals.iter().try_for_each(|column| append(column, ranges(), out))?;
+        self.colors.iter().try_for_each(|column| append(column, ranges(), out))?;
+        Ok(self.scalars.iter().try_for_each(|column| append(column, ranges(), out))?)
+    }
+
+    /// The columns of `count` vertices that were written so, from where a reader is.
+    pub(crate) fn in_part(
+        from: &mut PartReader,
+        count: usize,
+        carried: Attributes,
+    ) -> Result<VertexColumns, BuildError> {
+        Ok(VertexColumns {
+            positions: from.column(POSITIONS, count)?,
+            normals: carried.normals.then(|| from.column(NORMALS, count)).transpose()?,
+            colors: carried.colors.then(|| from.column(COLORS, count)).transpose()?,
+            scalars: (0..carried.scalar_words)
+                .map(|_| from.column(SCALARS, count))
                 .collect::<Result<_, _>>()?,
         })
     }

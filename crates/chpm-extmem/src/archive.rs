@@ -135,7 +135,7 @@ impl<'de> Deserialize<'de> for Spool {
             let path = || archive.store.workdir.path().to_owned();
             let open = |extent: &SavedExtent| {
                 let absent = || ExtmemError::Damaged { path: path(), reason: "is of no folder of parts" };
-                extent.of(archive.parts.as_ref().ok_or_else(absent)?.open(&extent.name)?)
+                extent.of(archive.parts.as_ref().ok_or_else(absent)?)
             };
             let extents = earlier.iter().map(open).collect::<Result<Vec<_>, _>>()?;
             Ok(spool.with_earlier(extents))

@@ -1,12 +1,13 @@
 //! Arrays that are reached by ranges: in memory when the budget grants it, else in an unnamed file that is read and written
-//! at its offsets. Nothing is mapped, so an array on disk takes no memory but what its reader hands in.
+//! at its offsets, or in a part that another process wrote. Nothing is mapped, so an array on disk takes no memory but what its reader hands in.
 
 use crate::error::byte_len;
 use crate::file::{Appender, DataFile};
 use crate::saved::STEP;
-use crate::{BufferWriter, ExtmemError, Reservation, SavedFile, Store};
+use crate::{BufferWriter, ExtmemError, PartFile, PartWriter, Reservation, SavedFile, Store};
 use bytemuck::Pod;
 use std::ops::Range;
+use std::sync::Arc;
 use xxhash_rust::xxh3::Xxh3;
 
 /// An array of records, read and written by ranges.
@@ -31,8 +32,16 @@ pub struct Column<T: Pod> {
 
 #[derive(Debug)]
 enum Storage<T: Pod> {
-    Memory { data: Vec<T>, _reservation: Reservation },
+    Memory {
+        data: Vec<T>,
+        _reservation: Reservation,
+    },
     Disk(DataFile),
+    /// From an offset on in what another process wrote; it stays as it is.
+    Part {
+        part: Arc<PartFile>,
+        offset: u64,
+    },
 }
 
 impl<T: Pod> Column<T> {
@@ -64,6 +73,32 @@ impl<T: Pod> Column<T> {
         Column { place: Storage::Disk(file), len, what }
     }
 
+    /// `len` elements that another process wrote, from `offset` on. They cannot be changed.
+    ///
+    /// # Errors
+    /// [`ExtmemError::OutOfRange`] if the part has not so many.
+    pub fn in_part(
+        what: &'static str,
+        part: Arc<PartFile>,
+        offset: u64,
+        len: usize,
+    ) -> Result<Self, ExtmemError> {
+        part.check_range(offset, byte_len::<T>(what, len)? as u64)?;
+        Ok(Column { place: Storage::Part { part, offset }, len, what })
+    }
+
+    /// Appends the elements of a range to a part.
+    ///
+    /// # Errors
+    /// As [`Self::read`] and [`PartWriter::append`].
+    pub fn append_to(&self, range: Range<usize>, out: &mut PartWriter) -> Result<(), ExtmemError> {
+        let mut scratch = Vec::new();
+        pieces::<T>(range).try_for_each(|range| {
+            out.append(bytemuck::cast_slice(self.read(range, &mut scratch)?))?;
+            Ok(())
+        })
+    }
+
     /// The same array on disk.
     ///
     /// # Errors
@@ -86,9 +121,8 @@ impl<T: Pod> Column<T> {
         }
         let mut out = Appender::new(DataFile::create(&store.workdir, Some(name))?);
         let (mut hash, mut scratch) = (Xxh3::new(), Vec::new());
-        let step = (STEP / size_of::<T>().max(1)).max(1);
-        for start in (0..self.len).step_by(step) {
-            let items = self.read(start..self.len.min(start + step), &mut scratch)?;
+        for range in pieces::<T>(0..self.len) {
+            let items = self.read(range, &mut scratch)?;
             hash.update(bytemuck::cast_slice(items));
             out.append(bytemuck::cast_slice(items))?;
         }
@@ -138,14 +172,14 @@ impl<T: Pod> Column<T> {
 
     /// Whether the array lives in a file.
     pub fn is_on_disk(&self) -> bool {
-        matches!(self.place, Storage::Disk(_))
+        !matches!(self.place, Storage::Memory { .. })
     }
 
     /// All elements, if they are in memory.
     pub fn as_slice(&self) -> Option<&[T]> {
         match &self.place {
             Storage::Memory { data, .. } => Some(data),
-            Storage::Disk(_) => None,
+            Storage::Disk(_) | Storage::Part { .. } => None,
         }
     }
 
@@ -153,7 +187,7 @@ impl<T: Pod> Column<T> {
     pub fn as_mut_slice(&mut self) -> Option<&mut [T]> {
         match &mut self.place {
             Storage::Memory { data, .. } => Some(data),
-            Storage::Disk(_) => None,
+            Storage::Disk(_) | Storage::Part { .. } => None,
         }
     }
 
@@ -170,13 +204,19 @@ impl<T: Pod> Column<T> {
                 read_at(file, range.start, scratch)?;
                 Ok(scratch)
             }
+            Storage::Part { part, offset } => {
+                scratch.resize(range.len(), T::zeroed());
+                let begin = offset + range.start as u64 * size_of::<T>() as u64;
+                part.read_exact(begin, bytemuck::cast_slice_mut(scratch))?;
+                Ok(scratch)
+            }
         }
     }
 
     /// Replaces the elements from `start` on by `items`.
     ///
     /// # Errors
-    /// [`ExtmemError::OutOfRange`], or [`ExtmemError::DiskFull`] or [`ExtmemError::Io`] naming the work directory.
+    /// [`ExtmemError::OutOfRange`], also if it lies in a part; or [`ExtmemError::DiskFull`] or [`ExtmemError::Io`] naming the work directory.
     pub fn write(&mut self, start: usize, items: &[T]) -> Result<(), ExtmemError> {
         let range = start..start.saturating_add(items.len());
         self.check(&range)?;
@@ -186,6 +226,7 @@ impl<T: Pod> Column<T> {
                 Ok(())
             }
             Storage::Disk(file) => write_at(file, start, items),
+            Storage::Part { .. } => Err(self.out_of_range(&range)),
         }
     }
 
@@ -203,6 +244,11 @@ impl<T: Pod> Column<T> {
                 let part = |start| PartPlace::Disk { file, len: len.min(end - start) };
                 starts.map(|start| Part { start, place: part(start) }).collect()
             }
+            Storage::Part { .. } => {
+                let end = self.len;
+                let place = |start| PartPlace::Fixed { what: self.what, len: len.min(end - start) };
+                starts.map(|start| Part { start, place: place(start) }).collect()
+            }
         }
     }
 
@@ -210,13 +256,17 @@ impl<T: Pod> Column<T> {
         if range.start <= range.end && range.end <= self.len {
             return Ok(());
         }
+        Err(self.out_of_range(range))
+    }
+
+    fn out_of_range(&self, range: &Range<usize>) -> ExtmemError {
         let bytes = |count: usize| (count as u64).saturating_mul(size_of::<T>() as u64);
-        Err(ExtmemError::OutOfRange {
+        ExtmemError::OutOfRange {
             what: self.what,
             offset: bytes(range.start),
             len: bytes(range.end.saturating_sub(range.start)),
             size: bytes(self.len),
-        })
+        }
     }
 }
 
@@ -230,7 +280,15 @@ pub struct Part<'a, T: Pod> {
 #[derive(Debug)]
 enum PartPlace<'a, T> {
     Memory(&'a mut [T]),
-    Disk { file: &'a DataFile, len: usize },
+    Disk {
+        file: &'a DataFile,
+        len: usize,
+    },
+    /// Of an array that cannot be changed.
+    Fixed {
+        what: &'static str,
+        len: usize,
+    },
 }
 
 impl<T: Pod> Part<'_, T> {
@@ -243,7 +301,7 @@ impl<T: Pod> Part<'_, T> {
     pub fn len(&self) -> usize {
         match &self.place {
             PartPlace::Memory(items) => items.len(),
-            PartPlace::Disk { len, .. } => *len,
+            PartPlace::Disk { len, .. } | PartPlace::Fixed { len, .. } => *len,
         }
     }
 
@@ -269,8 +327,18 @@ impl<T: Pod> Part<'_, T> {
                 change(scratch)?;
                 Ok(write_at(file, self.start, scratch)?)
             }
+            PartPlace::Fixed { what, len } => {
+                let [offset, len] = [self.start, len].map(|count| (count * size_of::<T>()) as u64);
+                Err(ExtmemError::OutOfRange { what, offset, len, size: 0 }.into())
+            }
         }
     }
+}
+
+/// Pieces of a range that are gone through one after another.
+fn pieces<T>(range: Range<usize>) -> impl Iterator<Item = Range<usize>> {
+    let step = (STEP / size_of::<T>().max(1)).max(1);
+    range.clone().step_by(step).map(move |start| start..range.end.min(start + step))
 }
 
 fn read_at<T: Pod>(file: &DataFile, start: usize, out: &mut [T]) -> Result<(), ExtmemError> {
@@ -325,6 +393,39 @@ mod tests {
         });
         assert!(failed.is_err());
         assert_eq!(column.read(0..3, &mut Vec::new()).unwrap(), [0; 3]);
+    }
+
+    #[test]
+    fn what_lies_in_a_part_is_read_and_not_changed() {
+        let (dir, store) = store(1 << 20);
+        let path = dir.path().join("a.part");
+        let mut writer = BufferWriter::new(&store, "items", 0).unwrap();
+        let items: Vec<[u32; 3]> = (0..300_000).map(|i| [i, i ^ 7, 3 * i]).collect();
+        writer.extend_from_slice(&items).unwrap();
+        let mut part = PartWriter::create(&path, FailPoints::default()).unwrap();
+        part.append(b"before").unwrap();
+        let column = writer.finish_column().unwrap();
+        [0..1, 1..299_999, 299_999..300_000].map(|range| column.append_to(range, &mut part).unwrap());
+        part.finish(b"", b"").unwrap();
+
+        let part = Arc::new(PartFile::open(&path, FailPoints::default()).unwrap());
+        let mut column = Column::<[u32; 3]>::in_part("items", Arc::clone(&part), 6, items.len()).unwrap();
+        assert!(column.is_on_disk() && column.as_slice().is_none() && column.as_mut_slice().is_none());
+        let mut scratch = Vec::new();
+        for range in [0..1, 77..70_000, 299_999..300_000, 5..5] {
+            assert_eq!(column.read(range.clone(), &mut scratch).unwrap(), &items[range]);
+        }
+        assert!(column.read(0..300_001, &mut scratch).is_err() && column.write(0, &[[1; 3]]).is_err());
+        let all = column.parts_mut(1 << 18);
+        assert_eq!(all.iter().map(Part::len).collect::<Vec<_>>(), [1 << 18, 300_000 - (1 << 18)]);
+        for part in all {
+            assert!(part.update(&mut scratch, |_| Ok::<(), ExtmemError>(())).is_err());
+        }
+        let column = column.moved_to_disk(&store).unwrap();
+        assert_eq!(column.read(299_998..300_000, &mut scratch).unwrap(), &items[299_998..]);
+        for (offset, len) in [(6, 300_001), (7, 300_000), (u64::MAX, 1), (0, usize::MAX / 12)] {
+            assert!(Column::<[u32; 3]>::in_part("items", Arc::clone(&part), offset, len).is_err());
+        }
     }
 
     proptest! {

@@ -28,6 +28,7 @@ mod map;
 pub mod metis;
 mod paged;
 mod part;
+mod part_reader;
 mod pipe;
 #[allow(unsafe_code)]
 pub mod platform;
@@ -58,6 +59,7 @@ pub use lock::Lock;
 pub use map::{Access, MappedBuffer, MappedFile};
 pub use paged::Paged;
 pub use part::{PartFile, PartFolder, PartWriter};
+pub use part_reader::PartReader;
 pub use pipe::receive;
 pub use progress::{Progress, Silent};
 pub use publish::AtomicFile;

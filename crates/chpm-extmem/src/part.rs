@@ -1,10 +1,11 @@
-//! Files that one process leaves for others: blobs end to end, and a record behind them. Hashes of both stand at the end, and their own hash is the file's
-//! identity: whoever refers to a file by that gets what was meant, or an error.
+//! Files that one process leaves for others: blobs end to end, behind them a record, and a short head that says what the file is. Hashes of all stand at the
+//! end, and their own hash is the file's identity: whoever refers to a file by that gets what was meant, or an error.
 //!
-//! A file appears whole or not at all. The record is checked when it is opened, the blobs block by block where they are read: so a reader of some blobs of a large
-//! file reads little more than these.
+//! A file appears whole or not at all. Head and hashes are checked when it is opened, the record where it is read, the blobs block by block where they are
+//! read: so whoever opens a large file, or reads some blobs of it, reads little more than these.
 
 use crate::{AtomicFile, ExtmemError, FailPoints, platform};
+use bytemuck::Pod;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::fs::File;
@@ -15,11 +16,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use xxhash_rust::xxh3::Xxh3;
 
 /// The last digit is the version of what surrounds the record.
-const MAGIC: [u8; 8] = *b"CHPMPRT1";
-/// Lengths of blobs and record, identity, magic.
-const TRAILER: usize = 32;
+const MAGIC: [u8; 8] = *b"CHPMPRT2";
+/// Lengths of blobs, record and head, hash of the record, identity, magic.
+const TRAILER: usize = 48;
 /// Bytes of blobs that have one hash.
-const BLOCK: usize = 1 << 18;
+const BLOCK: usize = 1 << 15;
 
 /// A part on its way.
 pub struct PartWriter {
@@ -76,19 +77,21 @@ impl PartWriter {
         self.len == 0
     }
 
-    /// Ends the file with its record and publishes it. Answers its identity.
+    /// Ends the file with its record and its head, and publishes it. Answers its identity.
     ///
     /// # Errors
     /// As [`AtomicFile::publish`].
-    pub fn finish(mut self, record: &[u8]) -> Result<u64, ExtmemError> {
+    pub fn finish(mut self, head: &[u8], record: &[u8]) -> Result<u64, ExtmemError> {
         if !self.len.is_multiple_of(BLOCK as u64) {
             self.close_block();
         }
-        let lens = [self.len, record.len() as u64];
-        let id = identity(record, &self.hashes, lens);
+        let numbers = [self.len, record.len() as u64, head.len() as u64, hash_of(record)];
+        let id = identity(head, &self.hashes, numbers);
         self.write(record)?;
-        let tail: Vec<u8> =
-            self.hashes.iter().chain(&lens).chain([&id]).flat_map(|n| n.to_le_bytes()).collect();
+        let hashes: Vec<u8> = self.hashes.iter().flat_map(|hash| hash.to_le_bytes()).collect();
+        self.write(&hashes)?;
+        self.write(head)?;
+        let tail: Vec<u8> = numbers.iter().chain([&id]).flat_map(|number| number.to_le_bytes()).collect();
         self.write(&tail)?;
         self.write(&MAGIC)?;
         self.out.publish()?;
@@ -105,10 +108,16 @@ impl PartWriter {
     }
 }
 
-fn identity(record: &[u8], hashes: &[u64], lens: [u64; 2]) -> u64 {
+fn hash_of(bytes: &[u8]) -> u64 {
     let mut hash = Xxh3::new();
-    hash.update(record);
-    hashes.iter().chain(&lens).for_each(|number| hash.update(&number.to_le_bytes()));
+    hash.update(bytes);
+    hash.digest()
+}
+
+fn identity(head: &[u8], hashes: &[u64], numbers: [u64; 4]) -> u64 {
+    let mut hash = Xxh3::new();
+    hash.update(head);
+    hashes.iter().chain(&numbers).for_each(|number| hash.update(&number.to_le_bytes()));
     hash.digest()
 }
 
@@ -120,6 +129,8 @@ pub struct PartFile {
     fail_points: FailPoints,
     len: u64,
     record_len: usize,
+    record_hash: u64,
+    head: Vec<u8>,
     hashes: Vec<u64>,
     /// A bit for each block that was found to be whole.
     checked: Vec<AtomicU64>,
@@ -127,7 +138,7 @@ pub struct PartFile {
 }
 
 impl PartFile {
-    /// Opens a file and checks all but its blobs.
+    /// Opens a file and checks all but its blobs and its record.
     ///
     /// # Errors
     /// [`ExtmemError::Damaged`] if it is not there or is not what was written, [`ExtmemError::Io`].
@@ -144,41 +155,58 @@ impl PartFile {
         let mut trailer = [0; TRAILER];
         let Some(at) = size.checked_sub(TRAILER as u64) else { return Err(damaged("is too short")) };
         platform::read_exact_at(&file, &mut trailer, at).map_err(failed)?;
-        let (numbers, magic) = trailer.split_at(24);
+        let (numbers, magic) = trailer.split_at(TRAILER - MAGIC.len());
         if magic != MAGIC {
             return Err(damaged("is not whole, or of another version"));
         }
         let numbers = numbers.as_chunks::<8>().0;
-        let [len, record_len, id] = [0, 1, 2].map(|at| u64::from_le_bytes(numbers[at]));
+        let [len, record_len, head_len, record_hash, id] =
+            [0, 1, 2, 3, 4].map(|number| u64::from_le_bytes(numbers[number]));
+        // Lengths that come to those of the file are no longer than it.
         let blocks = len.div_ceil(BLOCK as u64);
-        let expected =
-            blocks.checked_mul(8).and_then(|hashes| hashes.checked_add(len)?.checked_add(record_len));
-        if expected != Some(at) {
+        let hashes_at = len.checked_add(record_len);
+        let head_at = blocks.checked_mul(8).and_then(|hashes| hashes.checked_add(hashes_at?));
+        let (Some(hashes_at), Some(head_at)) = (hashes_at, head_at) else {
+            return Err(damaged("is not as long as it says"));
+        };
+        if head_at.checked_add(head_len) != Some(at) {
             return Err(damaged("is not as long as it says"));
         }
 
-        let mut record = vec![0; record_len as usize];
-        platform::read_exact_at(&file, &mut record, len).map_err(failed)?;
         let mut hashes = vec![0; 8 * blocks as usize];
-        platform::read_exact_at(&file, &mut hashes, len + record_len).map_err(failed)?;
+        platform::read_exact_at(&file, &mut hashes, hashes_at).map_err(failed)?;
         let hashes: Vec<u64> =
             hashes.as_chunks::<8>().0.iter().map(|hash| u64::from_le_bytes(*hash)).collect();
-        if identity(&record, &hashes, [len, record_len]) != id {
+        let mut head = vec![0; head_len as usize];
+        platform::read_exact_at(&file, &mut head, head_at).map_err(failed)?;
+        if identity(&head, &hashes, [len, record_len, head_len, record_hash]) != id {
             return Err(damaged("is not what was written"));
         }
         let checked = (0..blocks.div_ceil(64)).map(|_| AtomicU64::new(0)).collect();
-        let record_len = record.len();
-        Ok(PartFile { file, path: path.to_owned(), fail_points, len, record_len, hashes, checked, id })
+        let (path, record_len) = (path.to_owned(), record_len as usize);
+        Ok(PartFile { file, path, fail_points, len, record_len, record_hash, head, hashes, checked, id })
     }
 
-    /// The record, read again.
+    /// The head: what the file is.
+    pub fn head(&self) -> &[u8] {
+        &self.head
+    }
+
+    /// The record, read and checked.
     ///
     /// # Errors
-    /// [`ExtmemError::Io`].
+    /// [`ExtmemError::Damaged`] if it is not what was written, [`ExtmemError::Io`].
     pub fn record(&self) -> Result<Vec<u8>, ExtmemError> {
         let mut record = vec![0; self.record_len];
         self.read(&mut record, self.len)?;
+        if hash_of(&record) != self.record_hash {
+            return Err(self.damaged());
+        }
         Ok(record)
+    }
+
+    fn damaged(&self) -> ExtmemError {
+        ExtmemError::Damaged { path: self.path.clone(), reason: "is not what was written" }
     }
 
     /// The identity: that of another content is another.
@@ -206,10 +234,7 @@ impl PartFile {
     /// # Errors
     /// [`ExtmemError::Damaged`] if they are not what was written, [`ExtmemError::OutOfRange`], [`ExtmemError::Io`].
     pub fn read_exact(&self, mut offset: u64, mut out: &mut [u8]) -> Result<(), ExtmemError> {
-        let len = out.len() as u64;
-        if offset.checked_add(len).is_none_or(|end| end > self.len) {
-            return Err(ExtmemError::OutOfRange { what: "a part", offset, len, size: self.len });
-        }
+        self.check_range(offset, out.len() as u64)?;
         let mut scratch = Vec::new();
         while !out.is_empty() {
             let (block, start) = (offset / BLOCK as u64, (offset % BLOCK as u64) as usize);
@@ -226,11 +251,31 @@ impl PartFile {
         Ok(())
     }
 
-    /// Checks all blobs.
+    /// As many records of the blobs, from `offset` on, which were checked. There is memory for no more than the file has.
+    ///
+    /// # Errors
+    /// As [`Self::read_exact`].
+    pub fn read_items<T: Pod>(&self, offset: u64, count: usize) -> Result<Vec<T>, ExtmemError> {
+        self.check_range(offset, (count as u64).saturating_mul(size_of::<T>() as u64))?;
+        let mut items = vec![T::zeroed(); count];
+        self.read_exact(offset, bytemuck::cast_slice_mut(&mut items))?;
+        Ok(items)
+    }
+
+    /// An error unless the blobs have so many bytes from `offset` on.
+    pub(crate) fn check_range(&self, offset: u64, len: u64) -> Result<(), ExtmemError> {
+        match offset.checked_add(len) {
+            Some(end) if end <= self.len => Ok(()),
+            _ => Err(ExtmemError::OutOfRange { what: "a part", offset, len, size: self.len }),
+        }
+    }
+
+    /// Checks the record and all blobs.
     ///
     /// # Errors
     /// [`ExtmemError::Damaged`] if one is not what was written, [`ExtmemError::Io`].
     pub fn check_all(&self) -> Result<(), ExtmemError> {
+        self.record()?;
         let mut scratch = Vec::new();
         (0..self.hashes.len() as u64).try_for_each(|block| self.check(block, &mut scratch))
     }
@@ -244,10 +289,8 @@ impl PartFile {
         let start = block * BLOCK as u64;
         scratch.resize((self.len - start).min(BLOCK as u64) as usize, 0);
         self.read(scratch, start)?;
-        let mut hash = Xxh3::new();
-        hash.update(scratch);
-        if hash.digest() != self.hashes[block as usize] {
-            return Err(ExtmemError::Damaged { path: self.path.clone(), reason: "is not what was written" });
+        if hash_of(scratch) != self.hashes[block as usize] {
+            return Err(self.damaged());
         }
         self.checked[block as usize / 64].fetch_or(1 << (block % 64), Relaxed);
         Ok(())
@@ -291,6 +334,19 @@ impl PartFolder {
         opened.insert(name.to_owned(), Arc::clone(&part));
         Ok(part)
     }
+
+    /// The part of a name, which must be the one that something was made of.
+    ///
+    /// # Errors
+    /// As [`Self::open`]; [`ExtmemError::Damaged`] if its identity is not `id`.
+    pub fn open_same(&self, name: &str, id: u64) -> Result<Arc<PartFile>, ExtmemError> {
+        let part = self.open(name)?;
+        if part.id() != id {
+            let reason = "is another one than what was made of it says; make that again";
+            return Err(ExtmemError::Damaged { path: part.path().to_owned(), reason });
+        }
+        Ok(part)
+    }
 }
 
 #[cfg(test)]
@@ -300,7 +356,7 @@ mod tests {
     fn write(path: &Path, blobs: &[Vec<u8>]) -> (Vec<u64>, u64) {
         let mut part = PartWriter::create(path, FailPoints::default()).unwrap();
         let places = blobs.iter().map(|blob| part.append(blob).unwrap()).collect();
-        (places, part.finish(b"the record").unwrap())
+        (places, part.finish(b"the head", b"the record").unwrap())
     }
 
     fn blobs() -> Vec<Vec<u8>> {
@@ -314,6 +370,7 @@ mod tests {
         let (places, id) = write(&path, &blobs);
         let part = PartFile::open(&path, FailPoints::default()).unwrap();
         assert_eq!((part.record().unwrap(), part.id()), (b"the record".to_vec(), id));
+        assert_eq!(part.head(), b"the head");
         // Twice: the second time blocks are known to be whole.
         for (blob, place) in blobs.iter().zip(&places).cycle().take(2 * blobs.len()) {
             let mut out = vec![0; blob.len()];
@@ -331,14 +388,14 @@ mod tests {
         let path = dir.path().join("a.part");
         let (places, _) = write(&path, &blobs());
         let whole = std::fs::read(&path).unwrap();
-        for at in (0..whole.len()).step_by(9973).chain(whole.len() - 70..whole.len()) {
+        for at in (0..whole.len()).step_by(9973).chain(whole.len() - 120..whole.len()) {
             let mut bytes = whole.clone();
             bytes[at] ^= 4;
             std::fs::write(&path, &bytes).unwrap();
             let found = PartFile::open(&path, FailPoints::default()).and_then(|part| part.check_all());
             assert!(matches!(found, Err(ExtmemError::Damaged { .. })), "{at}: {found:?}");
         }
-        for len in [0, 10, 31, 32, whole.len() - 1] {
+        for len in [0, 10, 47, 48, whole.len() - 1] {
             std::fs::write(&path, &whole[..len]).unwrap();
             let error = PartFile::open(&path, FailPoints::default()).unwrap_err();
             assert!(matches!(error, ExtmemError::Damaged { .. }), "{len}");
@@ -354,6 +411,31 @@ mod tests {
     }
 
     #[test]
+    fn lengths_that_lie_take_no_memory() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.part");
+        write(&path, &blobs());
+        let whole = std::fs::read(&path).unwrap();
+        let size = whole.len() as u64;
+        for number in 0..3 {
+            for lie in [0, 1, size - TRAILER as u64, size, 1 << 40, u64::MAX - 7, u64::MAX] {
+                let mut bytes = whole.clone();
+                let at = whole.len() - TRAILER + 8 * number;
+                bytes[at..at + 8].copy_from_slice(&lie.to_le_bytes());
+                std::fs::write(&path, &bytes).unwrap();
+                let error = PartFile::open(&path, FailPoints::default()).unwrap_err();
+                assert!(matches!(error, ExtmemError::Damaged { .. }), "{number}: {lie}");
+            }
+        }
+        std::fs::write(&path, &whole).unwrap();
+        let part = PartFile::open(&path, FailPoints::default()).unwrap();
+        for (offset, count) in [(0, usize::MAX), (u64::MAX, 1), (0, whole.len()), (1 << 40, 0)] {
+            let items = part.read_items::<[u64; 2]>(offset, count);
+            assert!(matches!(items, Err(ExtmemError::OutOfRange { .. })), "{offset} {count}");
+        }
+    }
+
+    #[test]
     fn any_fault_is_an_error_and_nothing_half_written_appears() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.part");
@@ -363,7 +445,7 @@ mod tests {
             let make = || -> Result<u64, ExtmemError> {
                 let mut part = PartWriter::create(&path, FailPoints::fail_at(at, false))?;
                 part.append(b"a blob")?;
-                part.finish(b"")
+                part.finish(b"", b"")
             };
             assert!(make().is_err() && !path.exists(), "{at}");
         }

@@ -2,7 +2,7 @@
 
 use crate::saved::STEP;
 use crate::segments::{Segment, Segments};
-use crate::{ExtmemError, PartFile, SavedFile, Store};
+use crate::{ExtmemError, PartFile, PartFolder, SavedFile, Store};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -43,19 +43,16 @@ impl Extent {
 /// [`Extent`] in a record.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct SavedExtent {
-    pub(crate) name: String,
-    pub(crate) id: u64,
+    name: String,
+    id: u64,
     start: u64,
     len: u64,
 }
 
 impl SavedExtent {
-    /// The bytes of `part`, which must be the one that was meant.
-    pub(crate) fn of(&self, part: Arc<PartFile>) -> Result<Extent, ExtmemError> {
-        if part.id() != self.id {
-            let reason = "is another one than what was made of it says; make that again";
-            return Err(ExtmemError::Damaged { path: part.path().to_owned(), reason });
-        }
+    /// The bytes, in the part of `parts` that was meant.
+    pub(crate) fn of(&self, parts: &PartFolder) -> Result<Extent, ExtmemError> {
+        let part = parts.open_same(&self.name, self.id)?;
         Extent::new(part, self.start..self.start.saturating_add(self.len))
     }
 }
@@ -361,7 +358,7 @@ mod tests {
             let path = dir.path().join(name);
             let mut part = crate::PartWriter::create(&path, crate::FailPoints::default()).unwrap();
             part.append(name.as_bytes()).unwrap();
-            part.finish(b"").unwrap();
+            part.finish(b"", b"").unwrap();
             Arc::new(PartFile::open(&path, crate::FailPoints::default()).unwrap())
         });
         let mut spool = Spool::new(&store, "blobs");

@@ -12,7 +12,7 @@ pub const MAGIC: [u8; 8] = [0x89, b'C', b'H', b'P', b'M', 0x0d, 0x0a, 0x1a];
 /// Major version that this crate reads and writes.
 pub const VERSION_MAJOR: u16 = 1;
 /// The last minor version that this crate knows. It writes the first that has all that a file needs.
-pub const VERSION_MINOR: u16 = 8;
+pub const VERSION_MINOR: u16 = 9;
 /// Required flag: pages may be packed, and lie at multiples of [`PACKED_ALIGN`].
 pub const PACKED_PAGES: u32 = 1;
 /// Required flag: vertices have normals of three bytes.
@@ -21,8 +21,10 @@ pub const OCTAHEDRAL_NORMALS: u32 = 2;
 pub const NAMED_SCALARS: u32 = 4;
 /// Required flag: clusters have sheets.
 pub const SHEETS: u32 = 8;
+/// Required flag: packed pages may be chained, each to one above, as version 1.7 had it, which was never released.
+const OUTDATED_CHAINED_PAGES: u32 = 16;
 /// Required flag: packed pages may be chained, each to one above.
-pub const CHAINED_PAGES: u32 = 16;
+pub const CHAINED_PAGES: u32 = 32;
 /// Required flag: pages are in volumes.
 pub const VOLUMES: u32 = 64;
 /// Length of the header, bytes.
@@ -257,6 +259,9 @@ impl Header {
             return Err(FormatError::Checksum { place, expected: found, got: expected });
         }
 
+        let is_outdated = self.required_flags & OUTDATED_CHAINED_PAGES != 0;
+        let expected = "chained pages of version 1.8, not of 1.7; build the file again";
+        require(!is_outdated, place, "required_flags", expected, self.required_flags)?;
         let unknown = self.required_flags
             & !(PACKED_PAGES | OCTAHEDRAL_NORMALS | NAMED_SCALARS | SHEETS | CHAINED_PAGES | VOLUMES);
         if unknown != 0 {
@@ -273,7 +278,7 @@ impl Header {
 
         // Chained pages are packed, and have triangles in an order that no sheet knows.
         let alone = !self.is_chained() || self.is_packed() && !self.has_sheets();
-        require(alone, place, "required_flags", "16 with 1 and without 8", self.required_flags)?;
+        require(alone, place, "required_flags", "32 with 1 and without 8", self.required_flags)?;
         let attributes = attributes_of(self.attributes);
         require(attributes.is_some(), place, "attributes", ATTRIBUTE_BITS, self.attributes)?;
         let flagged = self.required_flags & OCTAHEDRAL_NORMALS != 0;

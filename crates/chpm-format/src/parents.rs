@@ -6,7 +6,7 @@ use chpm_mesh::ClusterId;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Bytes of pages that are kept.
+/// Bytes of pages that are kept, unless somebody says otherwise.
 const KEPT_BYTES: usize = 16 << 20;
 /// Pages that each rest on the next, at most: hierarchies are balanced, and those that are as high have more clusters than ids.
 const MOST_ABOVE: usize = 64;
@@ -18,12 +18,19 @@ pub(crate) type Parent = Arc<PageBuf<'static>>;
 #[derive(Debug, Default)]
 pub(crate) struct Parents(Mutex<Kept>);
 
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Kept {
     pages: BTreeMap<ClusterId, (u64, Parent)>,
     bytes: usize,
+    most_bytes: usize,
     /// Counts uses.
     clock: u64,
+}
+
+impl Default for Kept {
+    fn default() -> Self {
+        Kept { pages: BTreeMap::new(), bytes: 0, most_bytes: KEPT_BYTES, clock: 0 }
+    }
 }
 
 impl Kept {
@@ -40,7 +47,12 @@ impl Kept {
         if let Some((_, before)) = self.pages.insert(id, (self.clock, Arc::clone(page))) {
             self.bytes -= before.own_len();
         }
-        while self.bytes > KEPT_BYTES && self.pages.len() > 1 {
+        self.shrink();
+    }
+
+    /// Lets go of pages that are too many.
+    fn shrink(&mut self) {
+        while self.bytes > self.most_bytes && self.pages.len() > 1 {
             let oldest = self.pages.iter().min_by_key(|(_, (used, _))| *used).map(|(id, _)| *id);
             let Some((_, page)) = oldest.and_then(|id| self.pages.remove(&id)) else { return };
             self.bytes -= page.own_len();
@@ -57,6 +69,13 @@ pub(crate) enum Step<'a> {
 }
 
 impl Parents {
+    /// From now on keeps so many bytes, and one page at least.
+    pub(crate) fn keep_bytes(&self, most: usize) {
+        let mut kept = self.kept();
+        kept.most_bytes = most;
+        kept.shrink();
+    }
+
     /// The page of a cluster: one that is kept, or what `step` says of it and of those above, unpacked from the top by `unchain`.
     pub(crate) fn page<'a, S>(
         &self,

@@ -411,6 +411,11 @@ impl<D: AsRef<[u8]>> Chpm<D> {
         chosen(id, place, coarse.iter().copied().map(ClusterId)).map(Some)
     }
 
+    /// Keeps at most so many bytes of pages that [chained](packed::chain) ones rest on, unpacked, and one page at least; 16 MiB unless this is called.
+    pub fn keep_above(&self, bytes: u64) {
+        self.parents.keep_bytes(usize::try_from(bytes).unwrap_or(usize::MAX));
+    }
+
     /// The page of a cluster that others rest on.
     fn parent(&self, id: ClusterId) -> Result<Parent, FormatError> {
         let step = |(): &mut (), id| {

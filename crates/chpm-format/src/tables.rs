@@ -325,10 +325,10 @@ impl Tables {
             (required_flags, version_minor) = (required_flags | SHEETS, 6);
         }
         if self.header.chained {
-            version_minor = 7;
+            version_minor = 8;
         }
         if self.header.volume_size.is_some() {
-            version_minor = 8;
+            version_minor = 9;
         }
 
         Ok(Header {

@@ -3,6 +3,7 @@
 //! Two faces of opposite turn are the two sides of a sheet, and both stay.
 
 use crate::trace::Phase;
+use chpm_extmem::{Column, ExtmemError};
 use rayon::prelude::*;
 
 /// The triangle as all its copies have it: the smallest vertex first, the turn as it is.
@@ -36,6 +37,26 @@ impl Sieve {
     const LOG: u32 = 15;
     /// Places that one thread joins.
     const PART: usize = 1 << 11;
+
+    /// A sieve that all `triangles` before one of them came through: it remembers the last of each place, which a few hundred thousand have filled.
+    pub(super) fn behind(triangles: &Column<[u32; 3]>, start: usize) -> Result<Sieve, ExtmemError> {
+        let (mut sieve, mut scratch) = (Sieve::default(), Vec::new());
+        let (mut open, mut end) = (sieve.seen.len(), start);
+        while open > 0 && end > 0 {
+            let begin = end.saturating_sub(1 << Self::LOG);
+            for triangle in triangles.read(begin..end, &mut scratch)?.iter().rev() {
+                let key = key(*triangle);
+                let seen = &mut sieve.seen[place(key)];
+                // No triangle has three equal corners.
+                if *seen == [0; 3] {
+                    *seen = key;
+                    open -= 1;
+                }
+            }
+            end = begin;
+        }
+        Ok(sieve)
+    }
 
     /// Whether a record is new, as far as is remembered: of the last that had its place.
     #[inline]
@@ -168,6 +189,7 @@ pub(super) fn drop_all(triangles: &mut Vec<[u32; 3]>, vertex_count: usize) -> u6
 mod tests {
     use super::*;
     use crate::trace::Trace;
+    use chpm_extmem::{BufferWriter, Store};
 
     #[test]
     fn copies_in_any_rotation_go_and_the_other_side_stays() {
@@ -195,6 +217,18 @@ mod tests {
             kept.extend(sifted.passing(piece));
         }
         assert!(kept == passed && pieces.dropped == dropped && dropped > 0);
+        // And in parts, each of which looks at what comes before it.
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::create(dir.path(), 0).unwrap();
+        let mut writer = BufferWriter::new(&store, "triangles", 0).unwrap();
+        writer.extend_from_slice(&all).unwrap();
+        let column = writer.finish_column().unwrap();
+        let mut of_parts = Vec::<[u32; 3]>::new();
+        for (start, end) in [(0, 1), (1, 60_000), (60_000, 60_000), (60_000, 131_072), (131_072, 200_000)] {
+            let mut sieve = Sieve::behind(&column, start).unwrap();
+            of_parts.extend(all[start..end].iter().copied().filter(|t| sieve.is_new(key(*t))));
+        }
+        assert!(of_parts == passed);
         let mut plain = all.clone();
         let copies = drop_all(&mut plain, 1 << 20);
         assert_eq!(copies, 110_000);

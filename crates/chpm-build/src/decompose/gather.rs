@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 /// Facts about a source beside its triangles.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 pub(crate) struct About {
-    vertex_count: u64,
+    pub(super) vertex_count: u64,
     rounding: Displacement,
     scalar_words: u8,
 }

@@ -4,7 +4,7 @@
 //! A region knows all faces about its inner vertices. About a border vertex several regions have some: each says what its own come to,
 //! and the collector adds that up, region by region. So every sum has one order, whoever was first.
 
-use super::divide::INNER;
+use super::load::INNER;
 use super::region::Mesh;
 use bytemuck::{Pod, Zeroable};
 use chpm_mesh::Octahedral;

@@ -31,8 +31,6 @@ const PARTS: usize = 16;
 /// Cells as ranges of vertex numbers.
 #[derive(Debug)]
 pub(crate) struct Cells {
-    /// The cells with their weights.
-    pub(crate) list: Vec<Cell>,
     /// Cell c has the vertices `starts[c]..starts[c + 1]`.
     starts: Vec<u32>,
     /// The cell of every vertex whose number is a multiple of `1 << shift`.
@@ -41,39 +39,36 @@ pub(crate) struct Cells {
 }
 
 impl Cells {
-    /// Cells that hold the given numbers of vertices, none of them more than `limit`: those that do are cut.
-    fn new(cells: &[Cell], limit: u32) -> Self {
-        let mut list = Vec::with_capacity(cells.len());
-        for cell in cells {
-            let pieces = cell.count.div_ceil(limit.max(1));
-            let share = |piece: u32| (u64::from(cell.count) * u64::from(piece) / u64::from(pieces)) as u32;
-            list.extend((0..pieces).map(|p| Cell { count: share(p + 1) - share(p), ..*cell }));
-        }
-
-        let mut starts = Vec::with_capacity(list.len() + 1);
-        starts.push(0);
-        starts.extend(list.iter().scan(0, |end, cell| {
-            *end += cell.count;
+    /// Cells that hold so many vertices each.
+    pub(crate) fn new(counts: impl Iterator<Item = u32>) -> Self {
+        let mut starts = vec![0];
+        starts.extend(counts.scan(0, |end, count| {
+            *end += count;
             Some(*end)
         }));
 
         // About one hint a cell: so a look-up begins next to its cell.
-        let end = starts[list.len()];
-        let shift = (end / (list.len() as u32).max(1)).max(1).ilog2();
+        let (end, count) = (starts[starts.len() - 1], starts.len() - 1);
+        let shift = (end / (count as u32).max(1)).max(1).ilog2();
         let mut hints = vec![0; (end >> shift) as usize + 2];
         let mut cell = 0;
         for (hint, vertex) in hints.iter_mut().zip((0u64..).step_by(1 << shift)) {
-            while cell + 1 < list.len() && u64::from(starts[cell + 1]) <= vertex {
+            while cell + 1 < count && u64::from(starts[cell + 1]) <= vertex {
                 cell += 1;
             }
             *hint = cell as u32;
         }
-        Cells { list, starts, hints, shift }
+        Cells { starts, hints, shift }
     }
 
-    /// One cell of `count` vertices.
-    pub(crate) fn single(count: u32) -> Self {
-        Self::new(&[Cell { center: [0.0; 3], count }], count)
+    /// How many there are.
+    pub(crate) fn count(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// Vertices of all of them.
+    pub(crate) fn end(&self) -> usize {
+        self.starts[self.count()] as usize
     }
 
     /// The cell of a vertex.
@@ -90,13 +85,24 @@ impl Cells {
     }
 }
 
+/// The cells, those of more than `limit` vertices cut into pieces that follow one another.
+fn cut(cells: &[Cell], limit: u32) -> Vec<Cell> {
+    let mut list = Vec::with_capacity(cells.len());
+    for cell in cells {
+        let pieces = cell.count.div_ceil(limit.max(1));
+        let share = |piece: u32| (u64::from(cell.count) * u64::from(piece) / u64::from(pieces)) as u32;
+        list.extend((0..pieces).map(|p| Cell { count: share(p + 1) - share(p), ..*cell }));
+    }
+    list
+}
+
 /// Cells of at most `limit` vertices each, and the new number of every vertex: by cell, in the source's order within one.
 pub(crate) fn run(
     positions: &Column<[f32; 3]>,
     bounds: &Aabb,
     limit: u32,
     context: &Context<'_>,
-) -> Result<(Cells, Column<u32>), BuildError> {
+) -> Result<(Vec<Cell>, Column<u32>), BuildError> {
     let grid = Grid::build(positions, bounds, limit, &context.trace, &|| context.check())?;
     let mut next = Vec::with_capacity(grid.cells.len());
     let mut end = 0;
@@ -132,7 +138,7 @@ pub(crate) fn run(
         let numbers: Vec<&[u32]> = slices.iter().map(|slice| &slice.numbers[..]).collect();
         mapping.extend_from_slices(&numbers, || storing.task("store"))?;
     }
-    Ok((Cells::new(&grid.cells, limit), mapping.finish_column()?))
+    Ok((cut(&grid.cells, limit), mapping.finish_column()?))
 }
 
 /// Vertices in a row, as one thread counts them.
@@ -289,12 +295,14 @@ mod tests {
         {
             let cells: Vec<Cell> =
                 counts.iter().map(|count| Cell { center: [0.0; 3], count: *count }).collect();
-            let cells = Cells::new(&cells, limit);
-            assert!(cells.list.iter().all(|cell| (1..=limit).contains(&cell.count)));
+            let list = cut(&cells, limit);
+            assert!(list.iter().all(|cell| (1..=limit).contains(&cell.count)));
+            let cells = Cells::new(list.iter().map(|cell| cell.count));
+            assert_eq!(cells.count(), list.len());
             let mut vertex = 0;
-            for cell in 0..cells.list.len() as u32 {
+            for cell in 0..list.len() as u32 {
                 assert_eq!(cells.range(cell).start as u32, vertex);
-                for _ in 0..cells.list[cell as usize].count {
+                for _ in 0..list[cell as usize].count {
                     assert_eq!(cells.of(vertex), cell, "{vertex} of {counts:?}");
                     vertex += 1;
                 }

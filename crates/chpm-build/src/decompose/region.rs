@@ -1,9 +1,9 @@
 //! One region becomes leaves: cells, parts, triangles by part, leaves, and which of their vertices are shared.
 
 use super::cell_graph::{self, Cell};
-use super::divide::{INNER, majority};
 use super::grid::Grid;
 use super::leaf::{self, Leaf, LeafMesh, LeafWriter};
+use super::load::{INNER, majority};
 use super::normals::{self, BorderSum};
 use super::partition;
 use super::topology::{Ledger, Surveyor, TopologyCounts};

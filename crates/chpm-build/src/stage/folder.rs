@@ -1,10 +1,11 @@
-//! The folder of a build in stages: its parts, each of which says what made it, of what, and for which plan.
+//! The folder of a build in stages: its parts, each of which says what made it, of what, and for which plan. What its hashes vouch for is
+//! believed: they find accidents.
 
 use super::step::Step;
 use crate::error::BuildError;
 use crate::fingerprint::GENERATOR;
 use bincode::config::Configuration;
-use bincode::serde::{decode_from_slice, encode_into_std_write};
+use bincode::serde::{decode_from_slice, encode_to_vec};
 use chpm_extmem::{ExtmemError, FailPoints, PartFile, PartFolder, PartWriter, Store, archived_among};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -13,9 +14,9 @@ use std::sync::Arc;
 
 const CONFIG: Configuration = bincode::config::standard();
 /// Changes with the meaning of what is in parts.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
-/// Beginning of each record.
+/// Head of each part.
 #[derive(Serialize, Deserialize)]
 struct Header {
     program: String,
@@ -66,9 +67,9 @@ impl Folder {
         store: Option<&Store>,
     ) -> Result<Opened<T>, BuildError> {
         let part = self.parts.open(&step.file())?;
+        self.header(&part, step)?;
         let bytes = part.record()?;
-        let (_, begin) = self.header(&part, &bytes, step)?;
-        let decode = || -> Result<T, Undecoded> { Ok(decode_from_slice(&bytes[begin..], CONFIG)?.0) };
+        let decode = || -> Result<T, Undecoded> { Ok(decode_from_slice(&bytes, CONFIG)?.0) };
         let record = match store {
             Some(store) => archived_among(store, Some(&self.parts), decode).map(|(record, _)| record),
             None => decode(),
@@ -76,21 +77,21 @@ impl Folder {
         Ok(Opened { record: record.map_err(|error| error.of(&part))?, part })
     }
 
-    /// The header of a part's record, and where it ends.
-    fn header(&self, part: &PartFile, record: &[u8], step: Step) -> Result<(Header, usize), BuildError> {
+    /// The header of a part, if it is of this program, of this plan and of the step.
+    fn header(&self, part: &PartFile, step: Step) -> Result<Header, BuildError> {
         let refused = |reason: String| BuildError::Part {
             path: part.path().to_owned(),
             reason,
             remedy: "make it again by the same program, for this plan".to_owned(),
         };
         let (version, length): (u32, usize) =
-            decode_from_slice(record, CONFIG).map_err(|_| refused("cannot be understood".to_owned()))?;
+            decode_from_slice(part.head(), CONFIG).map_err(|_| refused("cannot be understood".to_owned()))?;
         if version != VERSION {
             return Err(refused(format!(
                 "is of another version of parts ({version}, this program writes {VERSION})"
             )));
         }
-        let (header, rest): (Header, usize) = decode_from_slice(&record[length..], CONFIG)
+        let (header, _): (Header, usize) = decode_from_slice(&part.head()[length..], CONFIG)
             .map_err(|_| refused("cannot be understood".to_owned()))?;
         if header.program != GENERATOR {
             return Err(refused(format!("is of another version ({}, this is {GENERATOR})", header.program)));
@@ -101,14 +102,14 @@ impl Folder {
         if step != Step::Plan && header.plan != self.plan {
             return Err(refused("is of another plan".to_owned()));
         }
-        Ok((header, length + rest))
+        Ok(header)
     }
 
     /// An error unless a step is done: its file is made of what is there now, and whole, which is looked at to the last byte if it is to be sure.
     pub(super) fn examine(&self, step: Step, sure: bool) -> Result<(), BuildError> {
         // Opened anew: it may have been replaced.
         let part = PartFile::open(&self.parts.path().join(step.file()), self.fail_points.clone())?;
-        for (name, id) in self.header(&part, &part.record()?, step)?.0.inputs {
+        for (name, id) in self.header(&part, step)?.inputs {
             if self.parts.open(&name)?.id() != id {
                 return Err(BuildError::Part {
                     path: part.path().to_owned(),
@@ -138,7 +139,7 @@ impl Folder {
     ) -> Result<u64, BuildError> {
         let input = |step: &Step| -> Result<(String, u64), BuildError> {
             let part = self.parts.open(&step.file())?;
-            self.header(&part, &part.record()?, *step)?;
+            self.header(&part, *step)?;
             Ok((step.file(), part.id()))
         };
         let inputs = inputs.iter().map(input).collect::<Result<_, _>>()?;
@@ -147,20 +148,16 @@ impl Folder {
 
         let (program, step) = (GENERATOR.to_owned(), step.file());
         let header = Header { program, plan: self.plan, step, inputs };
-        let mut record = Vec::new();
-        let encode = || -> Result<(), Undecoded> {
-            encode_into_std_write(VERSION, &mut record, CONFIG)?;
-            encode_into_std_write(&header, &mut record, CONFIG)?;
-            encode_into_std_write(&value, &mut record, CONFIG)?;
-            Ok(())
+        let encode = || -> Result<_, Undecoded> {
+            Ok((encode_to_vec((VERSION, &header), CONFIG)?, encode_to_vec(&value, CONFIG)?))
         };
-        let encoded = archived_among(store, Some(&self.parts), encode);
-        encoded.map_err(|error| match error {
-            Undecoded::Array(error) => error.into(),
-            Undecoded::Record(reason) => BuildError::Record(reason),
-        })?;
+        let ((head, record), _) =
+            archived_among(store, Some(&self.parts), encode).map_err(|error| match error {
+                Undecoded::Array(error) => error.into(),
+                Undecoded::Record(reason) => BuildError::Record(reason),
+            })?;
         let len = out.len();
-        out.finish(&record)?;
+        out.finish(&head, &record)?;
         Ok(len)
     }
 }
@@ -246,9 +243,10 @@ mod tests {
             (other_input(right(GENERATOR, VERSION)), "read"),
         ] {
             let is_current = header.1.inputs[0].1 == folder.plan && told == "read";
-            let record = bincode::serde::encode_to_vec((header.0, header.1, 8_u32), CONFIG).unwrap();
+            let [head, record] =
+                [encode_to_vec(header, CONFIG).unwrap(), encode_to_vec(8_u32, CONFIG).unwrap()];
             let out = PartWriter::create(&dir.path().join(step.file()), none.clone()).unwrap();
-            out.finish(&record).unwrap();
+            out.finish(&head, &record).unwrap();
             let (folder, _) = Folder::open::<u32>(dir.path(), &none, None).unwrap();
             let found = reason(&folder, step);
             assert!(found.contains(told), "{found}");

@@ -5,7 +5,7 @@ use super::step::{Share, Step};
 use crate::checkpoint::Arranged;
 use crate::config::Settings;
 use crate::context::Context;
-use crate::decompose::{Regions, Results};
+use crate::decompose::{self, Ground, Parts, Regions, Results, Sent};
 use crate::emit::{Known, Output};
 use crate::error::BuildError;
 use crate::output::OutputFiles;
@@ -13,12 +13,18 @@ use crate::progress::Stage;
 use crate::simplify::{self, Handed, Inputs, Levels};
 use crate::trim::{self, Built};
 use crate::{allowance, hierarchy, layout};
+<<<<<<< HEAD
 use chpm_extmem::{FailPoints, PartWriter, Reservation};
+=======
+use chpm_extmem::{AtomicFile, FailPoints, PartFile, PartWriter, Reservation};
+>>>>>>> stage
 use chpm_format::{ClusterRecord, Remnant};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+use std::sync::Arc;
 
-/// Record of a plan; the meshes of its regions are the part's blobs.
+/// Record of a plan; vertices and triangles of the source are the part's blobs.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Plan {
     pub(super) settings: Settings,
@@ -26,7 +32,7 @@ pub(super) struct Plan {
     /// Levels that are simplified in parts.
     pub(super) levels: u32,
     pub(super) known: Known,
-    pub(super) regions: Regions,
+    pub(super) ground: Ground,
 }
 
 impl Plan {
@@ -97,6 +103,8 @@ impl Job<'_> {
     pub(super) fn run(&self, step: Step, output: &Path, overwrite: bool) -> Result<(), BuildError> {
         match step {
             Step::Plan => Ok(()),
+            Step::Scatter(share) => self.write(step, Stage::Decompose, |job, out| job.scatter(share, out)),
+            Step::Borders => self.write(step, Stage::Decompose, |job, out| job.borders(out)),
             Step::Regions(share) => self.write(step, Stage::Decompose, |job, out| job.regions(share, out)),
             Step::Hierarchy => self.write(step, Stage::Hierarchy, |job, _| job.hierarchy()),
             Step::Group(level) => self.write(step, Stage::Simplify, |job, _| job.group(level)),
@@ -128,20 +136,40 @@ impl Job<'_> {
         &self.plan.record.settings
     }
 
+    fn scatter(&self, share: Share, out: &mut PartWriter) -> Result<Sent, BuildError> {
+        let Opened { part, record: Plan { ground, .. } } = self.plan;
+        ground.scatter(share.of_equal(ground.triangle_count()), part, self.context, out)
+    }
+
+    /// What all parts of a step have left.
+    fn read_all<T: DeserializeOwned>(
+        &self,
+        step: fn(Share) -> Step,
+    ) -> Result<Vec<(Arc<PartFile>, T)>, BuildError> {
+        let read = |share| self.folder.read::<T>(step(share), None);
+        let parted = |share| read(share).map(|Opened { part, record }| (part, record));
+        Share::all(self.plan.record.parts).map(parted).collect()
+    }
+
+    fn borders(&self, out: &mut PartWriter) -> Result<Regions, BuildError> {
+        let Opened { part, record: Plan { ground, settings, .. } } = self.plan;
+        let sent = self.read_all(Step::Scatter)?;
+        decompose::write_regions(ground, part, &sent, settings, self.context, out)
+    }
+
     fn regions(&self, share: Share, out: &mut PartWriter) -> Result<Results, BuildError> {
-        let regions = &self.plan.record.regions;
-        let range = share.range(regions.weights().collect::<Vec<_>>().into_iter());
-        regions.work(range, &self.plan.part, self.settings(), self.context, out)
+        let Opened { part, record } = self.folder.read::<Regions>(Step::Borders, None)?;
+        let (ground, plan) = (&self.plan.record.ground, &self.plan.part);
+        let parts = Parts { ground, plan, regions: &part, folder: &self.folder.parts };
+        record.work(share.range(record.weights()), &parts, self.settings(), self.context, out)
     }
 
     fn hierarchy(&self) -> Result<(Known, Arranged), BuildError> {
-        let Plan { parts, known, regions, settings, .. } = &self.plan.record;
+        let Plan { known, ground, settings, .. } = &self.plan.record;
         let mut known = known.clone();
-        let read = |share| self.folder.read::<Results>(Step::Regions(share), None);
-        let results =
-            Share::all(*parts).map(|share| read(share).map(|Opened { part, record }| (part, record)));
-        let results: Vec<_> = results.collect::<Result<_, _>>()?;
-        let leaves = regions.gather(&results, settings, self.context, &mut known.repairs)?;
+        let regions = self.folder.read::<Regions>(Step::Borders, None)?.record;
+        let results = self.read_all(Step::Regions)?;
+        let leaves = regions.gather(ground, &results, settings, self.context, &mut known.repairs)?;
         known.facts.add_leaves(&leaves);
         let (tree, release) = hierarchy::run(&leaves, settings, self.context)?;
         Ok((known, Arranged { leaves, tree, release }))

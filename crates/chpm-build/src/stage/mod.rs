@@ -64,7 +64,7 @@ impl Division {
     }
 }
 
-/// Makes the plan of a build of `source` in `folder`: reads the source and divides it into regions.
+/// Makes the plan of a build of `source` in `folder`: reads the source and divides its vertices into regions.
 ///
 /// # Errors
 /// See [`BuildError`].
@@ -103,11 +103,10 @@ pub fn plan(
 
     let parts = Folder::new(folder, &resources.fail_points);
     parts.write(Step::Plan, &[], &context.store, |out| {
-        let total = decompose::PASSES * known.facts.triangles;
-        let regions = context
-            .stage(Stage::Decompose, total, || decompose::scatter(ingested, settings, context, out))?;
-        let levels = division.levels_of(regions.leaves);
-        Ok(Plan { settings: settings.clone(), parts: division.parts, levels, known, regions })
+        let cut = || decompose::write_ground(ingested, settings, context, out);
+        let ground = context.stage(Stage::Decompose, known.facts.triangles, cut)?;
+        let levels = division.levels_of(ground.leaves);
+        Ok(Plan { settings: settings.clone(), parts: division.parts, levels, known, ground })
     })?;
     clock.report(Step::Plan, path)
 }

@@ -18,6 +18,12 @@ impl Share {
         (1..=of).map(move |index| Share { index, of })
     }
 
+    /// The consecutive items of this part, of so many that weigh the same.
+    pub(super) fn of_equal(self, count: u64) -> std::ops::Range<usize> {
+        let end = |parts: u32| (u128::from(count) * u128::from(parts) / u128::from(self.of)) as usize;
+        end(self.index - 1)..end(self.index)
+    }
+
     /// The consecutive items of this part, where items weigh so much each: about as much in each part.
     pub(super) fn range(self, weights: impl Iterator<Item = u64> + Clone) -> std::ops::Range<usize> {
         let total: u128 = weights.clone().map(u128::from).sum();
@@ -64,8 +70,12 @@ pub const MOST_PARTS: u32 = 65_536;
 /// A step, which leaves one file.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
 pub enum Step {
-    /// The source is read and divided into regions.
+    /// The source is read, and its vertices are divided into regions.
     Plan,
+    /// Some triangles are sent to their regions.
+    Scatter(Share),
+    /// Vertices that several regions have are numbered.
+    Borders,
     /// Some regions become leaves.
     Regions(Share),
     /// A tree over all leaves.
@@ -89,6 +99,8 @@ impl Step {
     pub fn file(self) -> String {
         match self {
             Step::Plan => "plan.part".to_owned(),
+            Step::Scatter(Share { index, of }) => format!("scatter-{index}-of-{of}.part"),
+            Step::Borders => "borders.part".to_owned(),
             Step::Regions(Share { index, of }) => format!("regions-{index}-of-{of}.part"),
             Step::Hierarchy => "hierarchy.part".to_owned(),
             Step::Group(level) => format!("group-{level}.part"),
@@ -104,6 +116,8 @@ impl Step {
     pub fn words(self) -> (&'static str, String) {
         match self {
             Step::Plan => ("plan SOURCE -o", String::new()),
+            Step::Scatter(share) => ("scatter", format!(" --part {share}")),
+            Step::Borders => ("borders", String::new()),
             Step::Regions(share) => ("regions", format!(" --part {share}")),
             Step::Hierarchy => ("hierarchy", String::new()),
             Step::Group(level) => ("group", format!(" --level {level}")),
@@ -118,6 +132,8 @@ impl Step {
     /// All steps of a plan, each behind those that it needs.
     pub fn all(parts: u32, levels: u32) -> Vec<Step> {
         let mut steps = vec![Step::Plan];
+        steps.extend(Share::all(parts).map(Step::Scatter));
+        steps.push(Step::Borders);
         steps.extend(Share::all(parts).map(Step::Regions));
         steps.push(Step::Hierarchy);
         for level in 0..levels {
@@ -132,14 +148,17 @@ impl Step {
 
     /// The steps whose files it reads.
     pub fn inputs(self, parts: u32, levels: u32) -> Vec<Step> {
+        let all = |step: fn(Share) -> Step| Share::all(parts).map(step);
         let of_level = |level: u32| {
             let simplified = Share::all(parts).map(move |share| Step::Simplify(level, share));
             [Step::Hierarchy, Step::Group(level)].into_iter().chain(simplified)
         };
         match self {
             Step::Plan => Vec::new(),
-            Step::Regions(_) => vec![Step::Plan],
-            Step::Hierarchy => [Step::Plan].into_iter().chain(Share::all(parts).map(Step::Regions)).collect(),
+            Step::Scatter(_) => vec![Step::Plan],
+            Step::Borders => [Step::Plan].into_iter().chain(all(Step::Scatter)).collect(),
+            Step::Regions(_) => [Step::Plan, Step::Borders].into_iter().chain(all(Step::Scatter)).collect(),
+            Step::Hierarchy => [Step::Plan, Step::Borders].into_iter().chain(all(Step::Regions)).collect(),
             Step::Group(0) => vec![Step::Plan, Step::Hierarchy],
             Step::Group(level) => [Step::Plan].into_iter().chain(of_level(level - 1)).collect(),
             Step::Simplify(level, _) => vec![Step::Plan, Step::Hierarchy, Step::Group(level)],
@@ -148,11 +167,8 @@ impl Step {
             Step::Layout => vec![Step::Plan, Step::Top(levels)],
             Step::Emit(_) => vec![Step::Plan, Step::Top(levels), Step::Layout],
             Step::Finish => {
-                let emitted = Share::all(parts).map(Step::Emit);
-                [Step::Plan, Step::Hierarchy, Step::Top(levels), Step::Layout]
-                    .into_iter()
-                    .chain(emitted)
-                    .collect()
+                let first = [Step::Plan, Step::Hierarchy, Step::Top(levels), Step::Layout];
+                first.into_iter().chain(all(Step::Emit)).collect()
             }
         }
     }
@@ -180,6 +196,17 @@ mod tests {
                     assert!(weight <= total / u64::from(of) + 1 + largest, "{of}: {weight}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn parts_of_equal_items_follow_one_another() {
+        for (count, of) in [(0, 3), (1, 5), (7, 3), (10_000_000_001, 7)] {
+            let ranges: Vec<_> = Share::all(of).map(|share| share.of_equal(count)).collect();
+            assert_eq!((ranges[0].start, ranges[of as usize - 1].end), (0, count as usize));
+            assert!(ranges.windows(2).all(|pair| pair[0].end == pair[1].start), "{ranges:?}");
+            let most = count.div_ceil(u64::from(of)) as usize;
+            assert!(ranges.iter().all(|range| range.len() + 1 >= most && range.len() <= most), "{ranges:?}");
         }
     }
 

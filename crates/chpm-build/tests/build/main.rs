@@ -7,6 +7,7 @@ mod lattice;
 mod looks;
 mod normals;
 mod odd;
+mod parts;
 mod reading;
 mod resume;
 mod scalars;

@@ -91,10 +91,10 @@ impl Unpacker {
         }
         walk_bits.finish()?;
         self.read_array::<3>(streams.next(3 * v)?, across, &mut bits);
-        put_floats(&self.numbers, positions, view)?;
+        put_floats(self.numbers.as_chunks().0.iter().copied(), positions, view)?;
         if attributes.normals {
             self.read_array::<3>(streams.next(3 * v)?, middle, &mut bits);
-            put_floats(&self.numbers, normals, View::Binary)?;
+            put_floats(self.numbers.as_chunks().0.iter().copied(), normals, View::Binary)?;
         }
         if attributes.octahedral {
             self.read_array::<2>(streams.next(2 * v)?, middle, &mut bits);
@@ -232,24 +232,31 @@ pub(super) fn take<'a>(bytes: &mut &'a mut [u8], len: usize) -> &'a mut [u8] {
     bytes.split_off_mut(..len).unwrap_or_default()
 }
 
-/// Writes the floats of numbers.
-pub(super) fn put_floats(numbers: &[u32], out: &mut [u8], view: View) -> Result<(), Damage> {
-    let out: &mut [[u8; 4]] = out.as_chunks_mut().0;
-    if let View::Lattice { .. } = view {
-        // A loop of its own for each view.
-        for (number, bytes) in numbers.iter().zip(out) {
-            *bytes = view.float(*number).unwrap_or_default().to_le_bytes();
-        }
-        return Ok(());
+/// Writes the floats of numbers, three of each vertex.
+pub(super) fn put_floats(
+    numbers: impl Iterator<Item = [u32; 3]>,
+    out: &mut [u8],
+    view: View,
+) -> Result<(), Damage> {
+    let out: &mut [[u8; 12]] = out.as_chunks_mut().0;
+    fn put(out: &mut [u8; 12], floats: [u32; 3]) {
+        let words: &mut [[u8; 4]] = out.as_chunks_mut().0;
+        words.iter_mut().zip(floats).for_each(|(bytes, float)| *bytes = float.to_le_bytes());
     }
-    if view == View::Binary {
-        for (number, bytes) in numbers.iter().zip(out) {
-            *bytes = turned(*number).to_le_bytes();
+    // A loop of its own for each view.
+    match view {
+        View::Lattice { .. } => {
+            let float = |number: u32| view.float(number).unwrap_or_default().to_bits();
+            numbers.zip(out).for_each(|(numbers, out)| put(out, numbers.map(float)));
         }
-        return Ok(());
-    }
-    for (number, bytes) in numbers.iter().zip(out) {
-        *bytes = view.float(*number).ok_or(Damage("a decimal number within bounds"))?.to_le_bytes();
+        View::Binary => numbers.zip(out).for_each(|(numbers, out)| put(out, numbers.map(turned))),
+        View::Decimal { .. } => {
+            for (numbers, out) in numbers.zip(out) {
+                let [x, y, z] = numbers.map(|number| view.float(number));
+                let floats = x.zip(y).zip(z).ok_or(Damage("a decimal number within bounds"))?;
+                put(out, [floats.0.0, floats.0.1, floats.1].map(f32::to_bits));
+            }
+        }
     }
     Ok(())
 }

@@ -26,6 +26,8 @@ const LATTICE: u8 = 8;
 const LEAST_POWER: i16 = -149;
 /// Multiples up to this many are floats.
 const MOST_MULTIPLES: u32 = 1 << 24;
+/// A number whose last bit is a one's.
+const TO_WHOLE: f64 = 1.5 * (1u64 << 52) as f64;
 /// More digits would be no shorter than bits.
 pub(super) const MOST_DIGITS: u8 = 7;
 /// Ten to this power and all below are f64 values.
@@ -90,6 +92,27 @@ impl View {
         let view = View::Lattice { power: power.clamp(LEAST_POWER, LEAST_POWER + 255) };
         let largest = f32::from_bits(size >> 1);
         view.multiples(largest).map(|_| view)
+    }
+
+    /// The integers of some floats.
+    #[inline]
+    pub(super) fn integers<const N: usize>(self, floats: [f32; N]) -> Option<[u32; N]> {
+        let mut integers = [0; N];
+        let View::Lattice { power } = self else {
+            for (integer, float) in integers.iter_mut().zip(floats) {
+                *integer = self.integer(float)?;
+            }
+            return Some(integers);
+        };
+        let (steps, mut are_there) = (power_of_two(-power), true);
+        for (integer, float) in integers.iter_mut().zip(floats) {
+            let multiples = f64::from(float) * steps;
+            // The sum has no bits behind the point, and the low ones are the whole number's.
+            let sum = multiples + TO_WHOLE;
+            are_there &= sum - TO_WHOLE == multiples && multiples.abs() <= f64::from(MOST_MULTIPLES);
+            *integer = sum.to_bits() as u32;
+        }
+        are_there.then_some(integers)
     }
 
     /// How many steps of a lattice a float is.

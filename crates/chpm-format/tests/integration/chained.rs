@@ -128,7 +128,7 @@ fn a_chained_file_is_sound_shorter_and_has_the_same_meshes() {
         let (bytes, raw) = chained_file(&sample);
         assert!(bytes.len() * 10 < packed.len() * 9, "{} of {}", bytes.len(), packed.len());
         let file = Chpm::open(bytes.clone()).unwrap();
-        assert_eq!((file.header().version_minor, file.header().required_flags & 17), (7, 17));
+        assert_eq!((file.header().version_minor, file.header().required_flags & 33), (8, 33));
         let report = verify(&file, |_, _| ());
         assert!(report.is_ok(), "{:?}", report.faults);
         let other = Chpm::open(packed).unwrap();
@@ -173,9 +173,15 @@ fn damage_above_is_told_by_the_page_that_has_it() {
 
     // Without the flag a chained page is none that is packed.
     let mut unflagged = bytes.clone();
-    unflagged[16] &= !16;
+    unflagged[16] &= !32;
     reseal(&mut unflagged);
     assert!(Chpm::open(unflagged).unwrap().page(leaf).unwrap_err().to_string().contains("CPGP"));
+    // As version 1.7 had it.
+    let mut outdated = bytes.clone();
+    outdated[16] ^= 16 | 32;
+    reseal(&mut outdated);
+    let told = Chpm::open(outdated).unwrap_err().to_string();
+    assert!(told.contains("chained pages of version 1.8, not of 1.7; build the file again"), "{told}");
     let mut alone = bytes;
     alone[16] &= !1;
     reseal(&mut alone);

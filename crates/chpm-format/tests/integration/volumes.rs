@@ -63,7 +63,7 @@ fn volumes_change_nothing() {
         assert_eq!(parts.len(), count + 1, "{size}");
         assert!(parts[1..].iter().all(|part| part.len() as u64 <= size));
         let file = open(&parts).unwrap();
-        assert_eq!((file.header().version_minor, file.header().required_flags & 64), (8, 64));
+        assert_eq!((file.header().version_minor, file.header().required_flags & 64), (9, 64));
         assert_eq!(verify(&file, |_, _| ()).faults, []);
         assert_eq!(same::compare(&file, &whole, || ()).unwrap().told, Vec::<String>::new());
         // Joined, it is what it was.

@@ -1,7 +1,8 @@
 //! Regions that came out too large are cut: those of a vertex that thousands of triangles have, or whose triangles have their corners all over.
 
-use super::super::{TRIANGLE_COST, VERTEX_COST};
-use super::{Divided, REGION_LEAVES, Visits};
+use super::super::homes::{Homes, REGION_LEAVES};
+use super::super::size::{TRIANGLE_COST, VERTEX_COST};
+use super::route::Routed;
 use crate::config::Settings;
 use crate::context::Context;
 use crate::error::BuildError;
@@ -11,24 +12,27 @@ const BINS: usize = 1 << 16;
 
 /// Bytes that a region may take by its triangles and the vertices that they have from other regions: three times what usual ones take
 /// for triangles.
-pub(super) fn limit(settings: &Settings) -> u64 {
+fn limit(settings: &Settings) -> u64 {
     3 * TRIANGLE_COST * u64::from(REGION_LEAVES * settings.cluster_triangles.max(16))
 }
 
-impl Divided {
-    /// Sends the triangles of regions that take more than `limit` bytes to regions of their own, which have no vertices at home.
-    /// `uses` are the corners that a region has from others.
-    pub(super) fn split(
+/// Whether a region of so many triangles, which have so many corners from others, is to be cut.
+pub(crate) fn is_too_large(triangles: u64, uses: u64, settings: &Settings) -> bool {
+    TRIANGLE_COST * triangles + VERTEX_COST * uses > limit(settings)
+}
+
+impl Routed {
+    /// Sends the triangles of regions that are too large to regions of their own, which have no vertices at home.
+    pub(crate) fn split(
         &mut self,
-        limit: u64,
-        uses: &[u64],
-        visits: &mut Visits,
+        homes: &Homes,
+        settings: &Settings,
         context: &Context<'_>,
     ) -> Result<(), BuildError> {
-        for (home, uses) in uses.iter().enumerate() {
-            if TRIANGLE_COST * self.triangles.len(home) as u64 + VERTEX_COST * uses > limit {
-                let most = limit / (TRIANGLE_COST + 3 * VERTEX_COST);
-                self.split_home(home, most.max(1), visits, context)?;
+        let most = limit(settings) / (TRIANGLE_COST + 3 * VERTEX_COST);
+        for home in 0..homes.count() {
+            if is_too_large(self.triangles.len(home) as u64, self.uses[home], settings) {
+                self.split_home(home, most.max(1), homes, context)?;
             }
         }
         Ok(())
@@ -39,10 +43,10 @@ impl Divided {
         &mut self,
         home: usize,
         most: u64,
-        visits: &mut Visits,
+        homes: &Homes,
         context: &Context<'_>,
     ) -> Result<(), BuildError> {
-        let end = 3 * self.vertices.positions.len().max(1) as u64;
+        let end = 3 * homes.vertex_count().max(1) as u64;
 
         // How many triangles each bin has, from a first look at all of them.
         let blocks = self.triangles.block_count(home);
@@ -73,8 +77,7 @@ impl Divided {
                 let region = pieces[bin(triangle, end)];
                 self.triangles.push(region, *triangle)?;
                 for vertex in triangle {
-                    let home = self.homes[self.cells.of(*vertex) as usize].0;
-                    visits.push(home, *vertex, region)?;
+                    self.visit(homes.of(*vertex), *vertex, region)?;
                 }
             }
         }

@@ -1,7 +1,8 @@
 //! A step of triangles on their way to regions, as one thread prepares it.
 
 use super::super::copies::{Sieve, Sifted};
-use super::{Divided, majority};
+use super::super::homes::Homes;
+use super::super::load::majority;
 use crate::error::BuildError;
 use crate::trace::Phase;
 use chpm_extmem::Column;
@@ -49,15 +50,15 @@ impl Step {
     }
 
     /// Puts what is left in order.
-    pub(super) fn sort(&mut self, divided: &Divided) {
+    pub(super) fn sort(&mut self, all: &Homes) {
         self.regions.clear();
         self.visiting.clear();
         self.uses.clear();
-        self.uses.resize(divided.home_count(), 0);
+        self.uses.resize(all.count(), 0);
         self.ends.clear();
-        self.ends.resize(divided.home_count() + 1, 0);
+        self.ends.resize(all.count() + 1, 0);
         for triangle in self.sifted.passing(&self.triangles) {
-            let homes = triangle.map(|v| divided.homes[divided.cells.of(v) as usize].0);
+            let homes = triangle.map(|v| all.of(v));
             let region = majority(*triangle, homes);
             self.regions.push(region);
             self.ends[region as usize + 1] += 1;
@@ -81,7 +82,7 @@ impl Step {
             *place += 1;
         }
         self.ends.pop();
-        self.sort_visits(divided.home_count());
+        self.sort_visits(all.count());
     }
 
     fn sort_visits(&mut self, homes: usize) {

@@ -1,11 +1,12 @@
 //! Which triangles and vertices of the page above are a page's base mesh: found by their bits, for the writer.
 
-use super::rings::NOWHERE;
 use crate::packed::connect::NONE;
 use crate::page::Page;
 use chpm_mesh::VertexSlices;
 use std::cmp::Ordering;
 
+/// Not in the page.
+pub(super) const NOWHERE: u32 = u32::MAX;
 /// Looks at triangles above for each of a page, in the mean: where vertices of the same bits take more, nothing is found.
 const MOST_LOOKS: usize = 256;
 

@@ -8,6 +8,7 @@ mod read;
 mod rings;
 mod write;
 
+use super::Damage;
 use super::bits::Near;
 use crate::error::FormatError;
 use crate::page::{PARTS, Page};
@@ -22,42 +23,46 @@ const RUNS: Near = Near(16);
 /// The symbol of a split of which each triangle is told by itself.
 const ODD: u8 = 0;
 
-/// The symbol of a split that is not odd.
-fn arc_symbol(count: usize, [in_front, behind]: [bool; 2]) -> u8 {
-    1 + 4 * count as u8 + 2 * u8::from(!in_front) + u8::from(!behind)
+/// The symbol of a split that is not odd, by whether triangles come in front of those that go and behind.
+fn symbol_of([in_front, behind]: [bool; 2]) -> u8 {
+    1 + 2 * u8::from(!in_front) + u8::from(!behind)
 }
 
-/// Its parts: how many triangles the new vertex takes, and whether triangles come in front of them and behind.
+/// Its parts.
 #[inline]
-fn arc_of(symbol: u8) -> (usize, [bool; 2]) {
+fn ends_of(symbol: u8) -> Result<[bool; 2], Damage> {
     let told = symbol.wrapping_sub(1);
-    (usize::from(told / 4), [told & 2 == 0, told & 1 == 0])
+    if told < 4 { Ok([told & 2 == 0, told & 1 == 0]) } else { Err(Damage("a split that is known")) }
 }
+
+/// A share is a part of so many bits.
+const SHARE_BITS: u32 = 20;
 
 /// Factors that make a mean of a sum.
-struct Shares([f64; 64]);
+struct Shares([i64; 64]);
 
 impl Shares {
     fn new() -> Self {
-        let mut shares = [1.0; 64];
-        (1..64).for_each(|count| shares[count] = 1.0 / count as f64);
-        Shares(shares)
+        Shares(std::array::from_fn(|count| (1 << SHARE_BITS) / count.max(1) as i64))
     }
 
-    /// The number that is as far from `middle` as the numbers of a ring are from it in the mean, the middle itself being one of them.
-    #[inline]
-    fn guess<const N: usize>(&self, all: &[[u32; N]], middle: u16, ring: &[u16]) -> [u32; N] {
+    /// The number that is as far from `middle` as the numbers of `links` are from it in the mean, the middle itself being one of them.
+    #[inline(always)]
+    fn guess<const N: usize>(&self, all: &[[u32; N]], middle: u16, links: &[u16]) -> [u32; N] {
         let at = all[usize::from(middle)];
-        let mut sums = [0i64; N];
-        for link in ring {
+        let mut sums = [0u32; N];
+        for link in links {
             let link = all[usize::from(*link)];
             for i in 0..N {
-                sums[i] += i64::from(link[i].wrapping_sub(at[i]) as i32);
+                sums[i] = sums[i].wrapping_add(link[i].wrapping_sub(at[i]));
             }
         }
-        let count = ring.len() + 1;
-        let share = self.0.get(count).copied().unwrap_or_else(|| 1.0 / count as f64);
-        std::array::from_fn(|i| at[i].wrapping_add((sums[i] as f64 * share) as i64 as u32))
+        let count = links.len() + 1;
+        let share = self.0.get(count).copied().unwrap_or_else(|| (1 << SHARE_BITS) / count as i64);
+        std::array::from_fn(|i| {
+            let mean = i64::from(sums[i] as i32) * share >> SHARE_BITS;
+            at[i].wrapping_add(mean as u32)
+        })
     }
 }
 

@@ -1,7 +1,7 @@
 //! From a chained page and the one above to the page itself.
 
-use super::rings::{Ring, Rings};
-use super::{CHAINED_MAGIC, ODD, RUNS, Shares, arc_of};
+use super::rings::{Gone, Rings};
+use super::{CHAINED_MAGIC, ODD, RUNS, Shares, ends_of};
 use crate::error::{FormatError, invalid, require_eq};
 use crate::packed::bits::BitReader;
 use crate::packed::connect::NONE;
@@ -29,7 +29,9 @@ pub(super) struct Reader {
     above: Vec<u16>,
     /// By number from those above on: the vertex that it is guessed about, and where its links end.
     middles: Vec<(u16, u32)>,
+    /// By number of those above: the id, and of all others that are shared the numbers.
     ids: Vec<u32>,
+    places: Vec<usize>,
     shares: Shares,
     zstd: zstd::bulk::Decompressor<'static>,
 }
@@ -44,6 +46,7 @@ impl Reader {
             above: Vec::new(),
             middles: Vec::new(),
             ids: Vec::new(),
+            places: Vec::new(),
             shares: Shares::new(),
             zstd: zstd::bulk::Decompressor::new()?,
         })
@@ -114,7 +117,7 @@ impl Reader {
         let targets = take(&mut body, 2 * (v - base)).as_chunks_mut().0;
         let codes: &mut [[u8; 2]] = take(&mut body, 2 * (v - base)).as_chunks_mut().0;
 
-        self.rings.clear(v, t);
+        self.rings.clear(v, t)?;
         self.read_base(header, parent, &mut streams, &mut walk_bits)?;
         self.read_splits(base, targets, &mut streams, &mut walk_bits)?;
         walk_bits.finish()?;
@@ -122,36 +125,38 @@ impl Reader {
         self.rings.put_triangles(triangles);
 
         let told = v - self.above.len();
-        let of = |p: &[f32; 3], view: View| -> Option<[u32; 3]> {
-            let [x, y, z] = p.map(|x| view.integer(x));
-            Some([x?, y?, z?])
-        };
+        // Four numbers fit a register.
         let above = parent.positions;
-        self.read_array(|p| of(&above[p], view), streams.next(3 * told)?, v, &mut bits)?;
-        put_floats(&self.numbers, positions, view)?;
+        self.read_array::<3, 4>(|p| view.integers(above[p]), streams.next(3 * told)?, v, &mut bits)?;
+        put_floats(self.numbers.as_chunks().0.iter().map(|[x, y, z, _]| [*x, *y, *z]), positions, view)?;
         if attributes.normals {
-            let above = parent.normals;
-            self.read_array(|p| of(&above[p], View::Binary), streams.next(3 * told)?, v, &mut bits)?;
-            put_floats(&self.numbers, normals, View::Binary)?;
+            let (above, view) = (parent.normals, View::Binary);
+            self.read_array::<3, 4>(|p| view.integers(above[p]), streams.next(3 * told)?, v, &mut bits)?;
+            put_floats(self.numbers.as_chunks().0.iter().map(|[x, y, z, _]| [*x, *y, *z]), normals, view)?;
         }
         if attributes.octahedral {
             let above = parent.octahedral;
-            self.read_array(|p| Some(above[p].steps()), streams.next(2 * told)?, v, &mut bits)?;
+            self.read_array::<2, 2>(|p| Some(above[p].steps()), streams.next(2 * told)?, v, &mut bits)?;
             let steps: &[[u32; 2]] = self.numbers.as_chunks().0;
             let out: &mut [Octahedral] = bytemuck::cast_slice_mut(octahedral);
             out.iter_mut().zip(steps).for_each(|(normal, steps)| *normal = Octahedral::from_steps(*steps));
         }
         if attributes.colors {
             let above = parent.colors;
-            self.read_array(|p| Some(above[p].map(u32::from)), streams.next(4 * told)?, v, &mut bits)?;
+            self.read_array::<4, 4>(
+                |p| Some(above[p].map(u32::from)),
+                streams.next(4 * told)?,
+                v,
+                &mut bits,
+            )?;
             colors.iter_mut().zip(&self.numbers).for_each(|(byte, number)| *byte = *number as u8);
         }
         for word in 0..words {
             let view = streams.next(VIEW_SYMBOLS)?;
             let view = View::of_bytes([view[0], view[1]]).ok_or(Damage("a view that is known"))?;
             let above = parent.scalars;
-            let number = |p: usize| Some([view.integer(f32::from_bits(above[p * words + word]))?]);
-            self.read_array(number, streams.next(told)?, v, &mut bits)?;
+            let number = |p: usize| view.integers([f32::from_bits(above[p * words + word])]);
+            self.read_array::<1, 1>(number, streams.next(told)?, v, &mut bits)?;
             for (number, row) in self.numbers.iter().zip(scalars.chunks_exact_mut(words)) {
                 let value = view.float(*number).ok_or(Damage("a decimal number within bounds"))?;
                 row[word] = value.to_bits().to_le_bytes();
@@ -163,17 +168,9 @@ impl Reader {
             last = last.wrapping_add(bits.difference(*symbol));
             *code = (last as u16).to_le_bytes();
         }
-        self.read_shared((v, shared), parent, &mut streams, &mut bits)?;
         // What comes last in the body.
         body.fill(0);
-        let mut left = ids.as_chunks_mut().0.iter_mut();
-        for (vertex, id) in self.ids.iter().enumerate().filter(|(_, id)| **id != NO_ID) {
-            body[vertex / 8] |= 1 << (vertex % 8);
-            *left.next().ok_or(Damage("as many ids as there are"))? = id.to_le_bytes();
-        }
-        if left.next().is_some() {
-            return Err(Damage("as many ids as there are").into());
-        }
+        self.read_shared(v, parent, (&mut streams, &mut bits), (body, ids.as_chunks_mut().0))?;
         streams.finish()?;
         Ok(bits.finish()?)
     }
@@ -189,7 +186,9 @@ impl Reader {
         self.own.clear();
         self.own.resize(parent.vertex_count(), NONE);
         self.above.clear();
-        let (mut left, mut is_taken) = (parent.triangles, false);
+        let most = header.base_vertex_count as usize;
+        self.above.resize(most + 1, NONE);
+        let (mut left, mut is_taken, mut used) = (parent.triangles, false, 0);
         loop {
             let len = RUNS.join(streams.one()?.into(), bits)? as usize;
             let run = left.split_off(..len).ok_or(Damage("a run within the page above"))?;
@@ -197,19 +196,22 @@ impl Reader {
                 let mut corners = [0; 3];
                 for (corner, vertex) in corners.iter_mut().zip(triangle) {
                     let own = self.own.get_mut(usize::from(*vertex)).ok_or(Damage("a vertex above"))?;
-                    if *own == NONE {
-                        *own = self.above.len() as u16;
-                        self.above.push(*vertex);
-                    }
+                    // One that is new has the next number, which is less than none's.
+                    *own = (*own).min(used);
                     *corner = *own;
+                    let place = self.above.get_mut(usize::from(used)).ok_or(Damage("a base mesh above"))?;
+                    *place = *vertex;
+                    used += u16::from(*own == used);
                 }
-                self.rings.add(corners, (self.rings.triangle_count() as u32).wrapping_sub(1))?;
+                self.rings.add_base(corners)?;
             }
             is_taken = !is_taken;
             if left.is_empty() {
                 break;
             }
         }
+        self.above.truncate(used.into());
+        self.rings.end_base();
         let triangles = self.rings.triangle_count() == header.base_triangle_count as usize;
         if !triangles || self.above.len() > header.base_vertex_count as usize {
             return Err(Damage("a base mesh of the page above"));
@@ -226,27 +228,22 @@ impl Reader {
     ) -> Result<(), Damage> {
         self.middles.clear();
         self.middles.extend((self.above.len()..base).map(|own| ((own as u16).saturating_sub(1), 0)));
-        let arcs = streams.next(targets.len())?;
-        let mut starts = streams.next(arcs.iter().filter(|arc| **arc != ODD).count())?.iter();
-        for ((new, target), arc) in (base as u16..).zip(targets).zip(arcs) {
-            let len = index_len(new.into());
-            let middle = bits.take(len) as u16;
+        for (new, target) in (base as u16..).zip(&mut *targets) {
+            let middle = bits.take(index_len(new.into())) as u16;
             if middle >= new {
                 return Err(Damage("a vertex that is there"));
             }
             *target = middle.to_le_bytes();
-            let kind = self.rings.look(middle)?;
-            if *arc == ODD {
-                self.read_odd([middle, new], len, streams, bits)?;
-            } else {
-                let start = usize::from(*starts.next().ok_or(Damage("where a part starts"))?);
-                let (count, ends) = arc_of(*arc);
-                if kind == Ring::Odd {
-                    return Err(Damage("a ring that has parts"));
-                }
-                self.rings.split_arc(kind, [middle, new], [start, count], ends)?;
+        }
+        let symbols = streams.next(targets.len())?;
+        for ((new, target), symbol) in (base as u16..).zip(targets).zip(symbols) {
+            let middle = u16::from_le_bytes(*target);
+            let gone = self.rings.split([middle, new], |count| bits.take(count))?;
+            match *symbol {
+                ODD => self.read_odd([middle, new], &gone, bits)?,
+                symbol => self.rings.fill([middle, new], &gone, ends_of(symbol)?)?,
             }
-            self.middles.push((middle, self.rings.links.len() as u32));
+            self.middles.push((middle, self.rings.links().len() as u32));
         }
         Ok(())
     }
@@ -255,26 +252,27 @@ impl Reader {
     fn read_odd(
         &mut self,
         [middle, new]: [u16; 2],
-        len: u32,
-        streams: &mut Streams<'_>,
+        gone: &Gone,
         bits: &mut BitReader<'_>,
     ) -> Result<(), Damage> {
-        self.rings.split_odd([middle, new], |_| bits.take(1) != 0);
-        for at in 0..RUNS.join(streams.one()?.into(), bits)? {
+        let len = index_len(new.into());
+        let mut is_first = true;
+        while bits.take(1) != 0 {
             let third = bits.take(len) as u16;
             let is_front = bits.take(1) == 0;
             if third >= new || third == middle {
                 return Err(Damage("three corners"));
             }
             let corners = if is_front { [middle, third, new] } else { [middle, new, third] };
-            self.rings.add_odd(corners, at == 0)?;
-            self.rings.links.push(third);
+            self.rings.add_odd(corners, gone, is_first)?;
+            self.rings.link(third);
+            is_first = false;
         }
         Ok(())
     }
 
-    /// Numbers of vertices: those above as they are there, all others as differences from a guess.
-    fn read_array<const N: usize>(
+    /// Numbers of vertices, `N` each with room for `L`: those above as they are there, all others as differences from a guess.
+    fn read_array<const N: usize, const L: usize>(
         &mut self,
         above: impl Fn(usize) -> Option<[u32; N]>,
         symbols: &[u8],
@@ -282,16 +280,17 @@ impl Reader {
         bits: &mut BitReader<'_>,
     ) -> Result<(), Damage> {
         self.numbers.clear();
-        self.numbers.resize(N * count, 0);
-        let all: &mut [[u32; N]] = self.numbers.as_chunks_mut().0;
-        let (known, used) = (&self.above, self.above.len());
-        for (number, vertex) in all.iter_mut().zip(known) {
-            *number = above(usize::from(*vertex)).ok_or(Damage("a number of the view"))?;
+        self.numbers.resize(L * count, 0);
+        let all: &mut [[u32; L]] = self.numbers.as_chunks_mut().0;
+        for (numbers, vertex) in all.iter_mut().zip(&self.above) {
+            let known = above(usize::from(*vertex)).ok_or(Damage("a number of the view"))?;
+            numbers[..N].copy_from_slice(&known);
         }
+        let used = self.above.len();
         let mut first = 0;
         let symbols: &[[u8; N]] = symbols.as_chunks().0;
         for ((vertex, (middle, end)), symbols) in (used..).zip(&self.middles).zip(symbols) {
-            let links = &self.rings.links[first as usize..*end as usize];
+            let links = &self.rings.links()[first as usize..*end as usize];
             first = *end;
             // The first is guessed from itself, which is zero until it is known.
             let guess = self.shares.guess(all, *middle, links);
@@ -304,44 +303,60 @@ impl Reader {
         Ok(())
     }
 
-    /// The ids of all vertices: those above as they are there, all others as they are told.
+    /// Which vertices are shared, and their ids: those above as they are there, all others as they are told.
     fn read_shared(
         &mut self,
-        (count, shared): (usize, usize),
+        count: usize,
         parent: &Page<'_>,
-        streams: &mut Streams<'_>,
-        bits: &mut BitReader<'_>,
+        (streams, bits): (&mut Streams<'_>, &mut BitReader<'_>),
+        (shared, ids): (&mut [u8], &mut [[u8; 4]]),
     ) -> Result<(), Damage> {
         self.ids.clear();
-        self.ids.resize(count, NO_ID);
-        let mut known = 0;
-        for (vertex, id) in parent.shared() {
-            if let Some(own) = self.own.get(usize::from(vertex)).filter(|own| **own != NONE) {
-                self.ids[usize::from(*own)] = id;
-                known += 1;
+        self.ids.resize(self.above.len(), NO_ID);
+        let (mut known, mut above) = (0, parent.shared_ids.iter());
+        for (byte, own) in parent.shared_bits.iter().zip(self.own.chunks(8)) {
+            let mut byte = *byte;
+            while byte != 0 {
+                let own = own.get(byte.trailing_zeros() as usize).copied().unwrap_or(NONE);
+                byte &= byte - 1;
+                let id = *above.next().ok_or(Damage("as many ids as there are"))?;
+                if own != NONE {
+                    self.ids[usize::from(own)] = id;
+                    known += 1;
+                }
             }
         }
-        let told = shared.checked_sub(known).ok_or(Damage("no more shared vertices than it has"))?;
-        let gaps = streams.next(told)?;
-        // Places of those told, behind the last of them: marked by an id that is none's until theirs are read.
-        let mut places = 0..count;
-        for symbol in gaps {
-            let mut gap = RUNS.join((*symbol).into(), bits)?;
-            let place = places.find(|place| {
-                let is_open = self.ids[*place] == NO_ID;
-                let is_own = is_open && gap == 0;
-                gap = gap.wrapping_sub(u32::from(is_open));
-                is_own
-            });
-            self.own.push(place.ok_or(Damage("a shared vertex that is there"))? as u16);
+        let told = ids.len().checked_sub(known).ok_or(Damage("no more shared vertices than it has"))?;
+        self.places.clear();
+        let mut place = 0;
+        for symbol in streams.next(told)? {
+            let mut gap = RUNS.join((*symbol).into(), bits)? as usize;
+            // Those above that are shared are not counted.
+            while self.ids.get(place).is_some_and(|id| *id != NO_ID || gap > 0) {
+                gap -= usize::from(self.ids[place] == NO_ID);
+                place += 1;
+            }
+            place += gap;
+            if place >= count {
+                return Err(Damage("a shared vertex that is there"));
+            }
+            self.places.push(place);
+            place += 1;
         }
-        let told = self.own.split_off(self.own.len() - told);
         let mut last = 0u32;
-        for (symbol, place) in streams.next(told.len())?.iter().zip(told) {
+        let mut told = streams.next(told)?.iter().zip(&self.places).map(|(symbol, place)| {
             last = last.wrapping_add(bits.difference(*symbol));
-            self.ids[usize::from(place)] = last;
+            (*place, last)
+        });
+        let of_base = self.places.partition_point(|place| *place < self.ids.len());
+        told.by_ref().take(of_base).for_each(|(place, id)| self.ids[place] = id);
+        let known = self.ids.iter().copied().enumerate().filter(|(_, id)| *id != NO_ID);
+        let mut ids = ids.iter_mut();
+        for (vertex, id) in known.chain(told) {
+            shared[vertex / 8] |= 1 << (vertex % 8);
+            *ids.next().ok_or(Damage("as many ids as there are"))? = id.to_le_bytes();
         }
-        Ok(())
+        if ids.next().is_some() { Err(Damage("as many ids as there are")) } else { Ok(()) }
     }
 }
 
@@ -352,5 +367,5 @@ fn most_symbols(header: &PageHeader, attributes: Attributes, parent: &Page<'_>) 
     let collapses = v - header.base_vertex_count as usize;
     let views = VIEW_SYMBOLS * usize::from(attributes.scalar_words);
     let runs = parent.triangles.len() + 2;
-    runs + views + v * (3 + numbers) + 4 * collapses + 2 * header.shared_count as usize
+    runs + views + v * (3 + numbers) + 2 * collapses + 2 * header.shared_count as usize
 }

@@ -1,8 +1,8 @@
 //! From a page and the one above to the chained form.
 
-use super::base::Base;
-use super::rings::{NOWHERE, Ring, Rings};
-use super::{CHAINED_MAGIC, ODD, RUNS, Shares, arc_symbol};
+use super::base::{Base, NOWHERE};
+use super::rings::{Gone, Rings, TOLD_AT_ONCE};
+use super::{CHAINED_MAGIC, ODD, RUNS, Shares, symbol_of};
 use crate::error::FormatError;
 use crate::packed::bits::{BitWriter, put_difference};
 use crate::packed::connect::NONE;
@@ -18,6 +18,9 @@ const MOST_STEPS: usize = 256;
 
 /// A triangle where it comes in: the vertex that brings it, its number in the page, its corners then.
 type Birth = (u16, u32, [u16; 3]);
+
+/// A triangle that a split adds: its third corner, whether that comes before the new vertex, its number in the page and by how many corners it is turned.
+type Coming = (u16, bool, (u32, u8));
 
 /// Buffers of chaining, kept from page to page.
 pub(super) struct Writer {
@@ -38,12 +41,10 @@ pub(super) struct Writer {
     numbers: Vec<u16>,
     /// Base vertices that the page above has.
     used: usize,
-    arcs: Vec<u8>,
-    starts: Vec<u8>,
-    odds: Vec<u8>,
     /// By vertex from `used` on: the one that it is guessed about, and where its links end.
     middles: Vec<(u16, u32)>,
     goes: Vec<bool>,
+    come: Vec<Coming>,
     shares: Shares,
 }
 
@@ -62,11 +63,9 @@ impl Writer {
             order: Vec::new(),
             numbers: Vec::new(),
             used: 0,
-            arcs: Vec::new(),
-            starts: Vec::new(),
-            odds: Vec::new(),
             middles: Vec::new(),
             goes: Vec::new(),
+            come: Vec::new(),
             shares: Shares::new(),
         })
     }
@@ -97,13 +96,11 @@ impl Writer {
         self.streams.clear();
         self.walk_bits.clear();
         self.bits.clear();
-        self.put_base(page, parent);
-        if self.put_splits(page).is_err() || self.steps == 0 {
+        if self.put_base(page, parent).is_err() {
             return Ok(None);
         }
-        for stream in [&self.arcs, &self.starts, &self.odds] {
-            self.streams.symbols.extend_from_slice(stream);
-            self.streams.end(0);
+        if self.put_splits(page).is_err() || self.steps == 0 {
+            return Ok(None);
         }
         let view = View::of(page.positions.as_flattened());
         self.put_array(page.positions.iter().map(|p| p.map(|x| view.integer(x).unwrap_or_default())));
@@ -146,7 +143,7 @@ impl Writer {
     pub(super) fn sizes(&self, attributes: Attributes) -> [u64; PARTS.len()] {
         let mut sizes = [0; PARTS.len()];
         let arrays = arrays(attributes).map(|_| 6);
-        let kinds = [1, 1, 1, 1, 0].into_iter().chain(arrays).chain([4, 5, 5]);
+        let kinds = [1, 1, 0].into_iter().chain(arrays).chain([4, 5, 5]);
         let mut before = Part::default();
         for (part, kind) in self.streams.parts.iter().zip(kinds) {
             sizes[kind] += part.bits - before.bits + 8 * (part.written - before.written) as u64;
@@ -182,9 +179,9 @@ impl Writer {
     }
 
     /// Tells which triangles above are the base mesh, numbers its vertices, and begins the mesh.
-    fn put_base(&mut self, page: &Page<'_>, parent: &Page<'_>) {
+    fn put_base(&mut self, page: &Page<'_>, parent: &Page<'_>) -> Result<(), Damage> {
         let count = page.vertex_count();
-        self.rings.clear(count, page.triangles.len());
+        self.rings.clear(count, page.triangles.len())?;
         self.origins.clear();
         self.order.clear();
         self.numbers.clear();
@@ -207,12 +204,12 @@ impl Writer {
                 }
                 self.numbers[usize::from(vertex)]
             });
-            // No more are added than the page has.
-            let _ = self.rings.add(corners, (self.origins.len() as u32).wrapping_sub(1));
+            self.rings.add_base(corners)?;
             self.origins.push((*own, *turn));
         }
         put_run(run, &mut self.streams.symbols, &mut self.walk_bits);
         self.streams.end(0);
+        self.rings.end_base();
         self.used = self.order.len();
         for vertex in 0..count as u16 {
             if self.numbers[usize::from(vertex)] == NONE {
@@ -220,73 +217,79 @@ impl Writer {
                 self.order.push(vertex);
             }
         }
+        Ok(())
     }
 
     fn put_splits(&mut self, page: &Page<'_>) -> Result<(), Damage> {
         let base = page.base_vertex_count;
-        [&mut self.arcs, &mut self.starts, &mut self.odds].into_iter().for_each(Vec::clear);
         self.middles.clear();
-        self.which = 0;
         // What no triangle of the base mesh has is guessed from the vertex before.
         self.middles.extend((self.used..base).map(|own| ((own as u16).saturating_sub(1), 0)));
+        self.which = 0;
+        for (new, target) in (base as u16..).zip(page.targets) {
+            let len = index_len(new.into());
+            self.walk_bits.put(self.numbers[usize::from(*target)].into(), len);
+            self.which += u64::from(len);
+        }
         let mut births = &self.births[self.births.partition_point(|birth| usize::from(birth.0) < base)..];
         for (new, target) in (base as u16..).zip(page.targets) {
             let count = births.iter().take_while(|birth| birth.0 == new).count();
             let (own, rest) = births.split_at(count);
             births = rest;
             let middle = self.numbers[usize::from(*target)];
-            let len = index_len(new.into());
-            self.walk_bits.put(middle.into(), len);
-            self.which += u64::from(len);
-
-            let kind = self.rings.look(middle)?;
             self.goes.clear();
-            self.goes.extend(self.rings.ring().iter().map(|spoke| {
-                let (triangle, turn) = self.origins[(spoke.corner / 4) as usize];
-                let corner = ((spoke.corner & 3) as usize + usize::from(turn)) % 3;
+            for (triangle, place) in self.rings.corners(middle) {
+                let (triangle, turn) = self.origins[usize::from(triangle)];
+                let corner = usize::from(place + turn) % 3;
                 let mut vertex = page.triangles[triangle as usize][corner];
                 while vertex > new && self.steps > 0 {
                     self.steps -= 1;
                     vertex = page.targets[usize::from(vertex) - base];
                 }
-                vertex == new
-            }));
+                self.goes.push(vertex == new);
+            }
+            let mut goes = self.goes.chunks(TOLD_AT_ONCE);
+            let gone = self.rings.split([middle, new], |len| {
+                let told = goes.next().unwrap_or_default().iter().rev();
+                let bits = told.fold(0, |bits, goes| bits << 1 | u32::from(*goes));
+                self.walk_bits.put(bits, len);
+                bits
+            })?;
             // Each with its third corner, whether that comes before the new vertex in its turn, and its place in the page.
-            let come = own.iter().map(|(_, triangle, corners)| {
+            self.come.clear();
+            self.come.extend(own.iter().map(|(_, triangle, corners)| {
                 let corners = corners.map(|vertex| self.numbers[usize::from(vertex)]);
                 let turn = corners.iter().position(|corner| *corner == middle).unwrap_or_default();
                 let [second, third] = [corners[(turn + 1) % 3], corners[(turn + 2) % 3]];
                 let is_front = third == new;
                 (if is_front { second } else { third }, is_front, (*triangle, turn as u8))
-            });
-            let come: Vec<(u16, bool, (u32, u8))> = come.collect();
-            match arc(&self.rings, kind, &self.goes, &come) {
-                Some((start, len, ends)) => {
-                    self.arcs.push(arc_symbol(len, ends));
-                    self.starts.push(start as u8);
-                    self.rings.split_arc(kind, [middle, new], [start, len], ends)?;
+            }));
+            match ends(&self.rings, &gone, new, &self.come) {
+                Some(ends) => {
+                    self.streams.symbols.push(symbol_of(ends));
+                    self.rings.fill([middle, new], &gone, ends)?;
                     let [fronts, backs] =
-                        [true, false].map(|side| come.iter().filter(move |one| one.1 == side));
+                        [true, false].map(|side| self.come.iter().filter(move |one| one.1 == side));
                     self.origins.extend(fronts.chain(backs).map(|one| one.2));
                 }
                 None => {
-                    self.arcs.push(ODD);
-                    self.goes.iter().for_each(|goes| self.walk_bits.put(u32::from(*goes), 1));
-                    put_run(come.len() as u32, &mut self.odds, &mut self.walk_bits);
-                    let goes = &self.goes;
-                    self.rings.split_odd([middle, new], |at| goes[at]);
-                    for (at, (third, is_front, origin)) in come.iter().enumerate() {
+                    self.streams.symbols.push(ODD);
+                    let len = index_len(new.into());
+                    for (at, (third, is_front, origin)) in self.come.iter().enumerate() {
+                        self.walk_bits.put(1, 1);
                         self.walk_bits.put((*third).into(), len);
                         self.walk_bits.put(u32::from(!is_front), 1);
                         let corners = if *is_front { [middle, *third, new] } else { [middle, new, *third] };
-                        self.rings.add_odd(corners, at == 0)?;
-                        self.rings.links.push(*third);
+                        self.rings.add_odd(corners, &gone, at == 0)?;
+                        self.rings.link(*third);
                         self.origins.push(*origin);
                     }
+                    self.walk_bits.put(0, 1);
                 }
             }
-            self.middles.push((middle, self.rings.links.len() as u32));
+            self.middles.push((middle, self.rings.links().len() as u32));
         }
+        self.streams.end(0);
         Ok(())
     }
 
@@ -296,7 +299,7 @@ impl Writer {
         let all: Vec<[u32; N]> = self.order.iter().map(|vertex| of[usize::from(*vertex)]).collect();
         let mut first = 0;
         for (vertex, (middle, end)) in (self.used..).zip(&self.middles) {
-            let links = &self.rings.links[first as usize..*end as usize];
+            let links = &self.rings.links()[first as usize..*end as usize];
             first = *end;
             let guess = if vertex == 0 { [0; N] } else { self.shares.guess(&all, *middle, links) };
             for i in 0..N {
@@ -362,36 +365,13 @@ fn put_run(run: u32, symbols: &mut Vec<u8>, bits: &mut BitWriter) {
     bits.put(open, len);
 }
 
-/// The part of a ring that goes to the new vertex, where it starts, and which ends of it have triangles; none where it is not such a part.
-fn arc(
-    rings: &Rings,
-    kind: Ring,
-    goes: &[bool],
-    come: &[(u16, bool, (u32, u8))],
-) -> Option<(usize, usize, [bool; 2])> {
-    let len = goes.len();
-    if kind == Ring::Odd || come.len() > 2 {
-        return None;
-    }
-    let count = goes.iter().filter(|goes| **goes).count();
-    let is_closed = kind == Ring::Closed;
-    let last = if is_closed { len.saturating_sub(1) } else { len - count };
-    (0..=last).find_map(|start| {
-        let is_part = (0..count).all(|i| goes[(start + i) % len]);
-        if !is_part {
-            return None;
-        }
-        let end = start + count;
-        let end = if is_closed && end >= len { end - len } else { end };
-        let ends = [(start, true), (end, false)].map(|(at, side)| {
-            let mut own = come.iter().filter(|one| one.1 == side);
-            match (own.next(), own.next()) {
-                (None, _) => Some(false),
-                (Some(one), None) if rings.link(at) == Some(one.0) => Some(true),
-                _ => None,
-            }
-        });
-        let [Some(in_front), Some(behind)] = ends else { return None };
-        Some((start, count, [in_front, behind]))
-    })
+/// Whether triangles come in front of those that went and behind; none where others come as well, or those that went are not one after the other.
+fn ends(rings: &Rings, gone: &Gone, new: u16, come: &[Coming]) -> Option<[bool; 2]> {
+    let told = [true, false].map(|side| come.iter().any(|one| one.1 == side));
+    let Some([first, last]) = rings.ends(gone, new) else {
+        return (come.is_empty() && gone.is_whole()).then_some(told);
+    };
+    let is_there = |one: &Coming| one.0 == if one.1 { first.0 } else { last.0 };
+    let is_all = come.len() == told.iter().filter(|told| **told).count() && come.iter().all(is_there);
+    is_all.then_some(told)
 }
