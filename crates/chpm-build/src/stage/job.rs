@@ -13,11 +13,7 @@ use crate::progress::Stage;
 use crate::simplify::{self, Handed, Inputs, Levels};
 use crate::trim::{self, Built};
 use crate::{allowance, hierarchy, layout};
-<<<<<<< HEAD
-use chpm_extmem::{FailPoints, PartWriter, Reservation};
-=======
-use chpm_extmem::{AtomicFile, FailPoints, PartFile, PartWriter, Reservation};
->>>>>>> stage
+use chpm_extmem::{FailPoints, PartFile, PartWriter, Reservation};
 use chpm_format::{ClusterRecord, Remnant};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
