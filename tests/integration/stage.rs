@@ -136,12 +136,11 @@ fn a_blob_that_is_damaged_is_named_by_who_reads_it_and_made_again_by_workers() {
     bytes[1000] ^= 16;
     fs::write(&path, &bytes).expect("a part");
     folder.stdout("stage layout w.stages -q");
-    let told = folder.stderr("stage emit w.stages --part 1/2 -q", 2);
-    let other = folder.stderr("stage emit w.stages --part 2/2 -q", 2);
-    for told in [told, other] {
-        assert!(told.contains("simplify-0-2-of-2.part' is not what was written"), "{told}");
-        assert!(told.contains("chpm stage simplify w.stages --level 0 --part 2/2"), "{told}");
-    }
+    // The other half of the pages has none that lies there.
+    folder.stdout("stage emit w.stages --part 1/2 -q");
+    let told = folder.stderr("stage emit w.stages --part 2/2 -q", 2);
+    assert!(told.contains("simplify-0-2-of-2.part' is not what was written"), "{told}");
+    assert!(told.contains("chpm stage simplify w.stages --level 0 --part 2/2"), "{told}");
     folder.stdout("work w.stages -q");
     assert!(folder.read("w.chpm") == whole);
 }

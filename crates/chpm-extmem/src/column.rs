@@ -405,7 +405,9 @@ mod tests {
         let mut part = PartWriter::create(&path, FailPoints::default()).unwrap();
         part.append(b"before").unwrap();
         let column = writer.finish_column().unwrap();
-        [0..1, 1..299_999, 299_999..300_000].map(|range| column.append_to(range, &mut part).unwrap());
+        for range in [0..1, 1..299_999, 299_999..300_000] {
+            column.append_to(range, &mut part).unwrap();
+        }
         part.finish(b"", b"").unwrap();
 
         let part = Arc::new(PartFile::open(&path, FailPoints::default()).unwrap());

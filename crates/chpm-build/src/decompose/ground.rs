@@ -30,7 +30,7 @@ pub(crate) struct Ground {
     offsets: [u64; 2],
 }
 
-/// What regions are made of, wherever it is read.
+/// A source that was handed over, of which everyone reads what they need.
 pub(super) struct Opened {
     pub(super) vertices: VertexColumns,
     pub(super) triangles: Column<[u32; 3]>,
@@ -94,7 +94,7 @@ pub(crate) struct Sent {
     pub(super) copies: u64,
 }
 
-/// What one region got.
+/// Triangles and visits that one region got.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 pub(super) struct SentRow {
     pub(super) region: u32,

@@ -100,7 +100,7 @@ impl Homes {
     /// Where those vertices lie, in their order.
     pub(super) fn own_runs(&self, region: usize) -> Vec<Range<usize>> {
         if let Some(starts) = self.starts.as_ref().filter(|_| region < self.count()) {
-            return vec![starts[region]..starts[region + 1]];
+            return std::iter::once(starts[region]..starts[region + 1]).collect();
         }
         // Neighbouring cells lie side by side.
         let runs = self.own_cells(region).chunk_by(|a, b| a + 1 == *b);
@@ -188,7 +188,7 @@ fn regions(
     let joints = joints(triangles, cells, context)?.sums();
     let _share = context.store.budget.reserve_work("the graph of cells", graph_bytes(joints.len()))?;
     let graph = cell_graph::build(list, joints, settings.cell_neighbors)?;
-    Ok(partition::parts(&graph, wanted.min(list.len() as u32), settings, context)?)
+    partition::parts(&graph, wanted.min(list.len() as u32), settings, context)
 }
 
 /// Graph of the cells from a sample of the triangles.

@@ -49,7 +49,7 @@ impl Size {
     }
 }
 
-/// What decides how many leaves a region is cut into, besides its mesh.
+/// Counts that decide how many leaves a region is cut into, besides its mesh.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 pub(crate) struct Shares {
     /// Leaves that are wanted of all.

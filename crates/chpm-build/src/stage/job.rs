@@ -137,7 +137,7 @@ impl Job<'_> {
         ground.scatter(share.of_equal(ground.triangle_count()), part, self.context, out)
     }
 
-    /// What all parts of a step have left.
+    /// Records of all parts of a step.
     fn read_all<T: DeserializeOwned>(
         &self,
         step: fn(Share) -> Step,
