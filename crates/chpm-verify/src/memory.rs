@@ -54,10 +54,10 @@ pub fn divide_among<const N: usize>(
     let mut halves = [0; N];
     for ((half, (file, _)), fixed) in halves.iter_mut().zip(files).zip(fixed) {
         *half = (memory.0 / N as u64).saturating_sub(fixed) / 2;
-        // What chained pages rest on is kept unpacked: each page that is not there costs those above it once more.
-        let above = if file.header().is_chained() { *half / 2 } else { 0 };
+        // What chained pages rest on is kept unpacked: each page that is not there costs those above it once more. A quarter is for what unpacks them.
+        let (above, mapped) = if file.header().is_chained() { (*half / 4, *half / 2) } else { (0, *half) };
         file.keep_above(above);
-        file.get_ref().keep_resident(*half - above);
+        file.get_ref().keep_resident(mapped);
     }
     Ok(halves)
 }
