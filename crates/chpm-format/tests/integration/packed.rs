@@ -131,11 +131,11 @@ fn a_reader_without_the_flag_refuses_and_an_unknown_flag_is_refused() {
     let mut bytes = packed_file(&sheet(16, 8, 2, ALL));
     assert_eq!(bytes[16..20], [1, 0, 0, 0], "required_flags");
     assert_eq!(bytes[10..12], [2, 0], "version_minor");
-    bytes[16] = 65;
+    bytes[16] = 129;
     let sum = checksum(&bytes[..248]).to_le_bytes();
     bytes[248..256].copy_from_slice(&sum);
     let error = Chpm::open(bytes).unwrap_err().to_string();
-    assert!(error.contains("unknown required feature 0x40"), "{error}");
+    assert!(error.contains("unknown required feature 0x80"), "{error}");
     // And where no page is packed, nothing has changed.
     assert_eq!(sheet(16, 8, 2, ALL).bytes()[10..20], [1, 0, 0, 1, 0, 0, 0, 0, 0, 0]);
 }
