@@ -50,7 +50,7 @@ def test_pages_go_to_volumes_and_are_read_from_them(source, tmp_path):
         for own in [tmp_path / "own.chpm", *volumes]:
             assert own.read_bytes() == own.with_name(own.name.replace("own", "command")).read_bytes()
         mesh, expected = file.select(level=0), one.select(level=0)
-        assert np.array_equal(mesh.positions, expected.positions) and np.array_equal(mesh.triangles, expected.triangles)
+        assert np.array_equal(mesh.vertices, expected.vertices) and np.array_equal(mesh.faces, expected.faces)
         file.check()
         os.utime(volumes[-1], (0, 0))
         with pytest.raises(chpm.FileError, match=r"pages' was changed"):
