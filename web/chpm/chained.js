@@ -1,6 +1,6 @@
 // From a chained page and the one above to the page itself: the section "Chained page" of the file format, with its names.
 
-import { HEAD_LEN, KEPT, LATTICE, TENS, emptyPage, putSteps, streamsOf, sums, viewOfBits, viewOfFloats, widthsOf } from "./packed.js";
+import { HEAD_LEN, KEPT, LATTICE, TENS, emptyPage, putFloats, putSteps, streamsOf, sums, viewOfBits, widthsOf } from "./packed.js";
 import { expect, viewOf } from "./records.js";
 
 const NONE = 0xffff;
@@ -11,7 +11,7 @@ const MOST_TRIANGLES = 0xffff;
 const MOST_WALKED = 8;
 /** Triangles of a ring that are told at once where they go. */
 const TOLD_AT_ONCE = 31;
-/** Triangles that each ring has room for at first. */
+/** Triangles that each ring has room for at first; room is a multiple of it. */
 const ROOM = 16;
 const ODD = 0;
 /** Parts that make a mean are of so many. */
@@ -29,16 +29,31 @@ export function partsAbove({ cluster, positions, normals, octahedral, colors, wo
   return { vertexCount: cluster.vertexCount, positions, normals: octahedral ? null : normals, octahedral, colors, words, sharedIds, sharedBits, triangles };
 }
 
-/** The number of a float. */
-function numberOf(kind, places, expectIt) {
+/** Puts the numbers of some vertices' three floats side by side. A loop of its own for each view. */
+function putNumbers(all, vertices, floats, kind, places, expectIt) {
   if (kind === 0 && places === 0) {
-    const float = new Float32Array(1);
-    const bits = new Int32Array(float.buffer);
-    return (value) => {
-      float[0] = value;
-      return bits[0] ^ ((bits[0] >> 31) >>> 1);
-    };
+    const bits = new Int32Array(floats.buffer, floats.byteOffset, floats.length);
+    for (let i = 0, to = 0; i < vertices.length; i++) {
+      for (let at = 3 * vertices[i], end = at + 3; at < end; at++, to++) all[to] = bits[at] ^ ((bits[at] >> 31) >>> 1);
+    }
+  } else if (kind === LATTICE) {
+    const steps = 2 ** (149 - places);
+    for (let i = 0, to = 0; i < vertices.length; i++) {
+      for (let at = 3 * vertices[i], end = at + 3; at < end; at++, to++) {
+        const number = floats[at] * steps;
+        const whole = number | 0;
+        if (whole !== number || Math.abs(whole) > 1 << 24) expectIt(false, "a number above that is not of its view");
+        all[to] = whole;
+      }
+    }
+  } else {
+    const toNumber = numberOf(kind, places, expectIt);
+    for (let i = 0; i < 3 * vertices.length; i++) all[i] = toNumber(floats[3 * vertices[Math.floor(i / 3)] + (i % 3)]);
   }
+}
+
+/** The number of a float that has no binary view. */
+function numberOf(kind, places, expectIt) {
   if (kind === LATTICE) {
     const step = 2 ** (places - 149);
     return (value) => {
@@ -63,46 +78,66 @@ function numberOf(kind, places, expectIt) {
   };
 }
 
-/** A mesh that grows by vertex splits, and the triangles at each vertex. */
+/** A mesh that grows by vertex splits, and the triangles at each vertex. Its arrays are used for one page after the other. */
 class Rings {
-  constructor(vertexCount, triangleCount, expectIt) {
-    expectIt(triangleCount <= MOST_TRIANGLES, "more than 65535 triangles");
-    Object.assign(this, { expectIt, most: triangleCount, count: 0, head: NONE, left: MOST_WALKED * triangleCount, used: ROOM * vertexCount });
-    /** Three corners for each triangle. */
-    this.corners = new Uint16Array(3 * triangleCount);
-    /** By triangle, the one behind it in the page. */
-    this.behind = new Uint16Array(triangleCount);
+  constructor() {
+    /** Four numbers for each triangle: its corners, and the one behind it in the page. */
+    this.triangles = new Uint16Array(0);
     /** The triangles of all rings; by vertex, where they start, how many they are, and for how many there is room. */
-    this.pool = new Uint16Array(this.used);
-    this.starts = Uint32Array.from({ length: vertexCount }, (_, vertex) => ROOM * vertex);
-    this.sizes = new Uint32Array(vertexCount);
-    this.rooms = new Uint32Array(vertexCount).fill(ROOM);
-    /** Of the triangles that went to the new vertex of a split: how many, the corners behind it, sums over these, and one beside which others come. */
-    this.seconds = new Uint16Array(triangleCount);
-    this.thirds = new Uint16Array(triangleCount);
-    Object.assign(this, { gone: 0, apart: 0, squares: 0, beside: NONE });
-    this.links = new Uint16Array(3 * vertexCount + triangleCount);
-    this.linkCount = 0;
+    this.pool = new Uint16Array(0);
+    this.starts = new Uint32Array(0);
+    this.sizes = new Uint16Array(0);
+    this.rooms = new Uint32Array(0);
+    /** Of the triangles that went to the new vertex of a split: the corners behind it, the first of which are links as well. */
+    this.thirds = new Uint16Array(0);
+    this.links = new Uint16Array(0);
   }
 
-  link(vertex) {
-    if (this.linkCount === this.links.length) this.links = longer(this.links, 2 * this.linkCount + 1);
-    this.links[this.linkCount++] = vertex;
+  /** Forgets all, and makes room for so many vertices and triangles. */
+  clear(vertexCount, triangleCount, expectIt) {
+    expectIt(triangleCount <= MOST_TRIANGLES, "more than 65535 triangles");
+    if (this.thirds.length < triangleCount) {
+      this.triangles = new Uint16Array(4 * triangleCount);
+      this.thirds = new Uint16Array(triangleCount);
+    }
+    if (this.starts.length < vertexCount) {
+      this.starts = Uint32Array.from({ length: vertexCount }, (_, vertex) => ROOM * vertex);
+      this.sizes = new Uint16Array(vertexCount);
+      this.rooms = new Uint32Array(vertexCount).fill(ROOM);
+    }
+    if (this.pool.length < ROOM * vertexCount) this.pool = new Uint16Array(2 * ROOM * vertexCount);
+    for (const vertex of this.moved ?? []) {
+      this.starts[vertex] = ROOM * vertex;
+      this.rooms[vertex] = ROOM;
+    }
+    /** Vertices whose rings are not at their first places. */
+    this.moved = [];
+    this.sizes.fill(0, 0, vertexCount);
+    Object.assign(this, { expectIt, most: triangleCount, count: 0, head: NONE, left: MOST_WALKED * triangleCount, used: ROOM * vertexCount, linkCount: 0 });
+    /** Of a split: how many triangles went, where their links begin, sums over their corners, and a triangle beside which others come. */
+    Object.assign(this, { gone: 0, first: 0, apart: 0, squares: 0, beside: NONE });
   }
 
-  /** Moves a ring to where there is room for so many triangles. */
-  #grow(vertex, room) {
+  /** Makes room for more links. */
+  #reserve(count) {
+    if (this.linkCount + count > this.links.length) this.links = longer(this.links, 2 * (this.linkCount + count));
+  }
+
+  /** Moves a ring to where there is room for so many triangles, as many as in some first places. */
+  #grow(vertex, size) {
+    const room = ROOM * Math.ceil(size / ROOM);
     const to = this.used;
     this.used += room;
     if (this.used > this.pool.length) this.pool = longer(this.pool, 2 * this.used);
     this.pool.copyWithin(to, this.starts[vertex], this.starts[vertex] + this.sizes[vertex]);
     this.starts[vertex] = to;
     this.rooms[vertex] = room;
+    this.moved.push(vertex);
   }
 
   #push(vertex, triangle) {
     const size = this.sizes[vertex];
-    if (size === this.rooms[vertex]) this.#grow(vertex, 2 * size);
+    if (size % ROOM === 0 && size === this.rooms[vertex]) this.#grow(vertex, 2 * size);
     this.pool[this.starts[vertex] + size] = triangle;
     this.sizes[vertex] = size + 1;
   }
@@ -110,20 +145,21 @@ class Rings {
   /** Adds a triangle behind another one of the page, or in front of all. */
   add(a, b, c, behind) {
     const triangle = this.count++;
-    this.expectIt(triangle < this.most, "more triangles than it has");
-    const at = 3 * triangle;
-    this.corners[at] = a;
-    this.corners[at + 1] = b;
-    this.corners[at + 2] = c;
+    if (triangle >= this.most) this.expectIt(false, "more triangles than it has");
+    const { triangles } = this;
+    const at = 4 * triangle;
+    triangles[at] = a;
+    triangles[at + 1] = b;
+    triangles[at + 2] = c;
     this.#push(a, triangle);
     this.#push(b, triangle);
     this.#push(c, triangle);
     if (behind === NONE) {
-      this.behind[triangle] = this.head;
+      triangles[at + 3] = this.head;
       this.head = triangle;
     } else {
-      this.behind[triangle] = this.behind[behind];
-      this.behind[behind] = triangle;
+      triangles[at + 3] = triangles[4 * behind + 3];
+      triangles[4 * behind + 3] = triangle;
     }
   }
 
@@ -131,34 +167,39 @@ class Rings {
   split(middle, fresh, bits) {
     const size = this.sizes[middle];
     this.left -= size;
-    this.expectIt(this.left >= 0, "rings that are too many");
-    if (size > this.rooms[fresh]) this.#grow(fresh, size);
-    const { pool, corners, seconds, thirds } = this;
+    if (this.left < 0) this.expectIt(false, "rings that are too many");
+    if (size > ROOM && size > this.rooms[fresh]) this.#grow(fresh, size);
+    this.#reserve(size);
+    const { pool, triangles, links, thirds, linkCount } = this;
     const start = this.starts[middle];
     const own = this.starts[fresh];
-    let [gone, apart, squares] = [0, 0, 0];
+    let gone = 0;
+    let apart = 0;
+    let squares = 0;
     for (let passed = 0; passed < size; passed += TOLD_AT_ONCE) {
       let told = bits.take(Math.min(size - passed, TOLD_AT_ONCE));
+      const last = start + size - 1 - passed;
       while (told !== 0) {
-        const at = start + size - 1 - passed - (31 - Math.clz32(told & -told));
+        const at = last - (31 - Math.clz32(told & -told));
         told &= told - 1;
         const triangle = pool[at];
         pool[at] = pool[start + size - 1 - gone];
         pool[own + gone] = triangle;
-        const [x, y, z] = [3 * triangle, 3 * triangle + 1, 3 * triangle + 2];
-        let [a, b] = [corners[x], corners[y]];
+        const corner = 4 * triangle;
+        let a = triangles[corner];
+        let b = triangles[corner + 1];
         if (a === middle) {
           a = b;
-          b = corners[z];
-          corners[x] = fresh;
+          b = triangles[corner + 2];
+          triangles[corner] = fresh;
         } else if (b === middle) {
           b = a;
-          a = corners[z];
-          corners[y] = fresh;
+          a = triangles[corner + 2];
+          triangles[corner + 1] = fresh;
         } else {
-          corners[z] = fresh;
+          triangles[corner + 2] = fresh;
         }
-        seconds[gone] = a;
+        links[linkCount + gone] = a;
         thirds[gone] = b;
         gone++;
         apart += a - b;
@@ -171,12 +212,13 @@ class Rings {
     this.apart = apart;
     this.squares = squares;
     this.beside = gone > 0 ? pool[own + gone - 1] : size > 0 ? pool[start] : NONE;
-    for (let i = 0; i < gone; i++) this.link(seconds[i]);
+    this.first = linkCount;
+    this.linkCount = linkCount + gone;
   }
 
   /** Adds triangles between those that went and those that stayed. */
   fill(middle, fresh, isInFront, isBehind) {
-    const { gone, apart, seconds, thirds, expectIt } = this;
+    const { gone, apart, first: from, thirds, expectIt } = this;
     if (apart === 0) {
       expectIt(!isInFront && !isBehind, "triangles beside others that are not there");
       return;
@@ -184,17 +226,21 @@ class Rings {
     // The one second corner that is no third, and the one third that is no second: all others are in both sums with either sign.
     const first = (this.squares / apart + apart) / 2;
     const last = first - apart;
-    let [ofFirst, ofLast] = [-1, -1];
+    this.#reserve(1);
+    const { links } = this;
+    let ofFirst = -1;
+    let ofLast = -1;
     for (let i = 0; i < gone; i++) {
-      if (seconds[i] === first) ofFirst = i;
+      if (links[from + i] === first) ofFirst = i;
       if (thirds[i] === last) ofLast = i;
     }
-    expectIt(ofFirst >= 0 && ofLast >= 0, "triangles that are not side by side");
-    this.link(thirds[ofLast]);
+    if (ofFirst < 0 || ofLast < 0) expectIt(false, "triangles that are not side by side");
+    links[this.linkCount++] = last;
     const own = this.starts[fresh];
-    const [besideFirst, besideLast] = [this.pool[own + ofFirst], this.pool[own + ofLast]];
-    if (isInFront) this.add(middle, seconds[ofFirst], fresh, besideFirst);
-    if (isBehind) this.add(middle, fresh, thirds[ofLast], besideLast);
+    const besideFirst = this.pool[own + ofFirst];
+    const besideLast = this.pool[own + ofLast];
+    if (isInFront) this.add(middle, first, fresh, besideFirst);
+    if (isBehind) this.add(middle, fresh, last, besideLast);
   }
 
   /** Adds the triangles of a split that are told by themselves. */
@@ -205,17 +251,19 @@ class Rings {
       this.expectIt(third < fresh && third !== middle, "a triangle of equal corners");
       if (isFront) this.add(middle, third, fresh, behind);
       else this.add(middle, fresh, third, behind);
-      this.link(third);
+      this.#reserve(1);
+      this.links[this.linkCount++] = third;
     }
   }
 
   /** The triangles in the page's order, each from its least corner on. */
   putTriangles(out) {
-    const { corners, behind } = this;
-    for (let triangle = this.head, to = 0; triangle !== NONE; triangle = behind[triangle], to += 3) {
-      const a = corners[3 * triangle];
-      const b = corners[3 * triangle + 1];
-      const c = corners[3 * triangle + 2];
+    const { triangles } = this;
+    for (let triangle = this.head, to = 0; triangle !== NONE; to += 3) {
+      const a = triangles[4 * triangle];
+      const b = triangles[4 * triangle + 1];
+      const c = triangles[4 * triangle + 2];
+      triangle = triangles[4 * triangle + 3];
       const first = b < a && b < c ? 1 : c < a ? 2 : 0;
       out[to] = first === 0 ? a : first === 1 ? b : c;
       out[to + 1] = first === 0 ? b : first === 1 ? c : a;
@@ -224,37 +272,44 @@ class Rings {
   }
 }
 
+const rings = new Rings();
+
 function longer(array, length) {
   const all = new Uint16Array(length);
   all.set(array);
   return all;
 }
 
+/** Factors that make a mean of a sum, by how many it is of. */
+const SHARES = Float64Array.from({ length: 64 }, (_, count) => shareOf(Math.max(count, 1)));
+
+function shareOf(count) {
+  return Math.floor(SHARE / count) / SHARE;
+}
+
 /** Adds to the numbers of vertices, `width` each: all from `used` on, as differences from a guess. `ends` has where the links of each end, `middles` what they are seen from. */
-function follow(all, width, used, middles, ends, links, symbols, bits) {
-  const shares = Float64Array.from({ length: 64 }, (_, count) => Math.floor(SHARE / Math.max(count, 1)) / SHARE);
-  for (let vertex = used, s = 0, first = 0; s < symbols.length; vertex++) {
+function follow(all, width, used, middles, ends, links, differences) {
+  for (let vertex = used, s = 0, first = 0; s < differences.length; vertex++) {
     const last = ends[vertex - used];
     const count = last - first + 1;
-    const share = count < 64 ? shares[count] : Math.floor(SHARE / count) / SHARE;
+    const share = count < 64 ? SHARES[count] : shareOf(count);
     const middle = width * middles[vertex - used];
     for (let k = 0; k < width; k++, s++) {
       const value = all[middle + k];
       let sum = 0;
       for (let link = first; link < last; link++) sum = (sum + all[width * links[link] + k] - value) | 0;
-      all[width * vertex + k] = value + Math.floor(sum * share) + bits.difference(symbols[s]);
+      all[width * vertex + k] = value + Math.floor(sum * share) + differences[s];
     }
     first = last;
   }
 }
 
 /** As {@link follow}, of three numbers. */
-function followThree(all, used, middles, ends, links, symbols, bits) {
-  const shares = Float64Array.from({ length: 64 }, (_, count) => Math.floor(SHARE / Math.max(count, 1)) / SHARE);
-  for (let to = 3 * used, i = 0, first = 0; 3 * i < symbols.length; i++, to += 3) {
+function followThree(all, used, middles, ends, links, differences) {
+  for (let to = 3 * used, s = 0, i = 0, first = 0; s < differences.length; i++, to += 3, s += 3) {
     const last = ends[i];
     const count = last - first + 1;
-    const share = count < 64 ? shares[count] : Math.floor(SHARE / count) / SHARE;
+    const share = count < 64 ? SHARES[count] : shareOf(count);
     const middle = 3 * middles[i];
     const x = all[middle];
     const y = all[middle + 1];
@@ -268,9 +323,9 @@ function followThree(all, used, middles, ends, links, symbols, bits) {
       dy = (dy + all[at + 1] - y) | 0;
       dz = (dz + all[at + 2] - z) | 0;
     }
-    all[to] = x + Math.floor(dx * share) + bits.difference(symbols[3 * i]);
-    all[to + 1] = y + Math.floor(dy * share) + bits.difference(symbols[3 * i + 1]);
-    all[to + 2] = z + Math.floor(dz * share) + bits.difference(symbols[3 * i + 2]);
+    all[to] = x + Math.floor(dx * share) + differences[s];
+    all[to + 1] = y + Math.floor(dy * share) + differences[s + 1];
+    all[to + 2] = z + Math.floor(dz * share) + differences[s + 2];
     first = last;
   }
 }
@@ -291,27 +346,28 @@ export function unchain(header, cluster, chained, zstd, above) {
   const { page, positions, normals, colors, words, ids, triangles, targets, codes, shared, octahedral } = emptyPage(header, cluster, chained);
 
   // The base mesh: triangles above in their order, and their vertices as they come.
-  const rings = new Rings(v, t, expectIt);
+  rings.clear(v, t, expectIt);
   const own = new Uint16Array(above.vertexCount).fill(NONE);
   const known = new Uint16Array(b);
   const cornersAbove = above.triangles;
-  const corners = new Uint16Array(3);
   let used = 0;
+  const baseOf = (vertex) => {
+    if (own[vertex] === NONE) {
+      if (used >= b) expectIt(false, "more base vertices than it has");
+      known[used] = vertex;
+      own[vertex] = used++;
+    }
+    return own[vertex];
+  };
   for (let triangle = 0, isTaken = false; ; isTaken = !isTaken) {
     const end = triangle + walkBits.distance(one(), RUNS);
     expectIt(end <= triangleCountAbove, "a run that goes beyond the page above");
     if (!isTaken) triangle = end;
     for (; triangle < end; triangle++) {
-      for (let i = 0; i < 3; i++) {
-        const vertex = cornersAbove[3 * triangle + i];
-        if (own[vertex] === NONE) {
-          expectIt(used < b, "more base vertices than it has");
-          known[used] = vertex;
-          own[vertex] = used++;
-        }
-        corners[i] = own[vertex];
-      }
-      rings.add(corners[0], corners[1], corners[2], rings.count > 0 ? rings.count - 1 : NONE);
+      const x = baseOf(cornersAbove[3 * triangle]);
+      const y = baseOf(cornersAbove[3 * triangle + 1]);
+      const z = baseOf(cornersAbove[3 * triangle + 2]);
+      rings.add(x, y, z, rings.count > 0 ? rings.count - 1 : NONE);
     }
     if (triangle === triangleCountAbove) break;
   }
@@ -341,34 +397,30 @@ export function unchain(header, cluster, chained, zstd, above) {
   expectIt(rings.count === t, "fewer triangles than its record");
   rings.putTriangles(triangles);
 
-  /** `width` numbers of each vertex: those above as `of` has them, all others as differences from a guess. */
-  const numbers = (width, of) => {
+  /** `width` numbers of each vertex: those above as `put` puts them there by their vertices, all others as differences from a guess. */
+  const numbers = (width, put) => {
     const all = new Int32Array(width * v);
-    for (let i = 0; i < used; i++) {
-      for (let k = 0; k < width; k++) all[width * i + k] = of(known[i], k);
-    }
-    const symbols = take(width * (v - used));
-    if (width === 3) followThree(all, used, middles, ends, rings.links, symbols, bits);
-    else follow(all, width, used, middles, ends, rings.links, symbols, bits);
+    put(all, known.subarray(0, used));
+    const differences = bits.differences(take(width * (v - used)));
+    if (width === 3) followThree(all, used, middles, ends, rings.links, differences);
+    else follow(all, width, used, middles, ends, rings.links, differences);
     return all;
   };
-  const floats = (out, kind, places, of) => {
-    const toNumber = numberOf(kind, places, expectIt);
-    const float = viewOfFloats(kind, places, expectIt);
-    const whole = numbers(3, (vertex, k) => toNumber(of[3 * vertex + k]));
-    for (let i = 0; i < whole.length; i++) out[i] = float(whole[i]);
-  };
+  const floats = (out, kind, places, of) => putFloats(out, numbers(3, (all, known) => putNumbers(all, known, of, kind, places, expectIt)), kind, places, expectIt);
   floats(positions, kind, places, above.positions);
   if (header.hasFloatNormals) floats(normals, 0, 0, above.normals);
   if (header.hasOctahedralNormals) {
     const bytes = above.octahedral;
-    const steps = numbers(2, (vertex, k) => {
-      const both = bytes[3 * vertex] | (bytes[3 * vertex + 1] << 8) | (bytes[3 * vertex + 2] << 16);
-      return k === 0 ? both & 0xfff : both >> 12;
+    const steps = numbers(2, (all, known) => {
+      known.forEach((vertex, i) => {
+        const both = bytes[3 * vertex] | (bytes[3 * vertex + 1] << 8) | (bytes[3 * vertex + 2] << 16);
+        all[2 * i] = both & 0xfff;
+        all[2 * i + 1] = both >> 12;
+      });
     });
     putSteps(octahedral, steps);
   }
-  if (header.hasColors) colors.set(numbers(4, (vertex, k) => above.colors[4 * vertex + k]));
+  if (header.hasColors) colors.set(numbers(4, (all, known) => known.forEach((vertex, i) => all.set(above.colors.subarray(4 * vertex, 4 * vertex + 4), 4 * i))));
   const bitsAbove = new Int32Array(1);
   const floatAbove = new Float32Array(bitsAbove.buffer);
   for (let word = 0; word < header.scalarWords; word++) {
@@ -376,10 +428,11 @@ export function unchain(header, cluster, chained, zstd, above) {
     const isBinary = kind === 0 && places === 0;
     const toNumber = isBinary ? null : numberOf(kind, places, expectIt);
     const bitsOf = viewOfBits(kind, places, expectIt);
-    const all = numbers(1, (vertex) => {
+    const numberAbove = (vertex) => {
       bitsAbove[0] = above.words[header.scalarWords * vertex + word];
       return isBinary ? bitsAbove[0] ^ ((bitsAbove[0] >> 31) >>> 1) : toNumber(floatAbove[0]);
-    });
+    };
+    const all = numbers(1, (all, known) => known.forEach((vertex, i) => (all[i] = numberAbove(vertex))));
     all.forEach((number, i) => (words[header.scalarWords * i + word] = bitsOf(number)));
   }
 

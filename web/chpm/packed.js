@@ -42,6 +42,26 @@ export class Bits {
     return (folded >>> 1) ^ -(folded & 1);
   }
 
+  /** The differences of symbols, modulo 2^32. */
+  differences(symbols) {
+    const { words, last } = this;
+    const all = new Int32Array(symbols.length);
+    let { at } = this;
+    for (let i = 0; i < symbols.length; i++) {
+      const symbol = symbols[i];
+      if (symbol === 0) continue;
+      const open = (symbol - 1) & 31;
+      const high = 1 << open;
+      const word = Math.min(at >>> 5, last);
+      const bits = (words[word] >>> (at & 31)) | ((words[word + 1] << 1) << (31 - (at & 31)));
+      const folded = (bits & (high - 1)) | high;
+      all[i] = (folded >>> 1) ^ -(folded & 1);
+      at += open;
+    }
+    this.at = at;
+    return all;
+  }
+
   /** The distance of a symbol. */
   distance(symbol, near) {
     if (symbol < near) return symbol;
@@ -93,6 +113,20 @@ export function viewOfFloats(kind, places, expectIt) {
     const float = decade <= places ? mantissa / TENS[places - decade] : mantissa * TENS[decade - places];
     return number < 0 ? -float : float;
   };
+}
+
+/** Puts the floats of numbers. A loop of its own for each view. */
+export function putFloats(out, numbers, kind, places, expectIt) {
+  if (kind === 0 && places === 0) {
+    const bits = new Int32Array(out.buffer, out.byteOffset, out.length);
+    for (let i = 0; i < numbers.length; i++) bits[i] = numbers[i] ^ ((numbers[i] >> 31) >>> 1);
+  } else if (kind === LATTICE) {
+    const step = 2 ** (places - 149);
+    for (let i = 0; i < numbers.length; i++) out[i] = numbers[i] * step;
+  } else {
+    const float = viewOfFloats(kind, places, expectIt);
+    for (let i = 0; i < numbers.length; i++) out[i] = float(numbers[i]);
+  }
 }
 
 // As literals: a power that is computed need not be the nearest double.
@@ -353,9 +387,8 @@ export function putSteps(out, steps) {
 
 /** Numbers that are told as the difference from the one before. */
 export function sums(symbols, bits) {
-  const all = new Int32Array(symbols.length);
-  let last = 0;
-  for (let i = 0; i < symbols.length; i++) all[i] = last = (last + bits.difference(symbols[i])) | 0;
+  const all = bits.differences(symbols);
+  for (let i = 1; i < all.length; i++) all[i] += all[i - 1];
   return all;
 }
 
@@ -383,13 +416,8 @@ export function unpack(header, cluster, packed, zstd) {
   walk.read(edges, turns, corners, walkBits, triangles);
   expectIt(walkBits.isDone(), "more or fewer open bits than symbols need");
 
-  const float = viewOfFloats(kind, places, expectIt);
-  const whole = numbers(walk, take(3 * v), 3, true, bits);
-  for (let i = 0; i < whole.length; i++) positions[i] = float(whole[i]);
-  if (header.hasFloatNormals) {
-    const binary = viewOfFloats(0, 0, expectIt);
-    numbers(walk, take(3 * v), 3, false, bits).forEach((number, i) => (normals[i] = binary(number)));
-  }
+  putFloats(positions, numbers(walk, take(3 * v), 3, true, bits), kind, places, expectIt);
+  if (header.hasFloatNormals) putFloats(normals, numbers(walk, take(3 * v), 3, false, bits), 0, 0, expectIt);
   if (header.hasOctahedralNormals) putSteps(octahedral, numbers(walk, take(2 * v), 2, false, bits));
   if (header.hasColors) colors.set(numbers(walk, take(4 * v), 4, false, bits));
   for (let word = 0; word < header.scalarWords; word++) {
