@@ -142,7 +142,7 @@ function withEdge(edges) {
 /** How many corners are told. */
 function cornersOf(edges) {
   let count = 0;
-  for (let t = 0; t < edges.length; t++) if ((edges[t] & 3) === 0) count += edges[t] === 0 ? 3 : 1;
+  for (let t = 0; t < edges.length; t++) count += edges[t] === 0 ? 3 : (edges[t] & 3) === 0 ? 1 : 0;
   return count;
 }
 
@@ -275,19 +275,35 @@ class Walk {
   }
 }
 
-/** `width` numbers of each vertex, as differences from a guess: the fourth corner of a parallelogram, or the middle of two. */
-function numbers(walk, symbols, width, isAcross, bits) {
+/** `width` numbers of each vertex, as differences from the middle of two. */
+function numbers(walk, symbols, width, bits) {
+  const differences = bits.differences(symbols);
   const all = new Int32Array(symbols.length);
   const { guesses } = walk;
-  for (let rank = 0, s = 0; s < symbols.length; rank += 4) {
+  for (let rank = 0, s = 0; s < differences.length; rank += 4) {
     const vertex = width * guesses[rank];
     const a = width * guesses[rank + 1];
     const b = width * guesses[rank + 2];
-    const c = width * guesses[rank + 3];
     for (let i = 0; i < width; i++, s++) {
-      const sum = all[a + i] + all[b + i];
-      all[vertex + i] = (isAcross ? sum - all[c + i] : Math.floor(sum / 2)) + bits.difference(symbols[s]);
+      all[vertex + i] = Math.floor((all[a + i] + all[b + i]) / 2) + differences[s];
     }
+  }
+  return all;
+}
+
+/** Three numbers of each vertex, as differences from the fourth corner of a parallelogram. */
+function numbersOfThree(walk, symbols, bits) {
+  const differences = bits.differences(symbols);
+  const all = new Int32Array(symbols.length);
+  const { guesses } = walk;
+  for (let rank = 0, s = 0; s < differences.length; rank += 4, s += 3) {
+    const vertex = 3 * guesses[rank];
+    const a = 3 * guesses[rank + 1];
+    const b = 3 * guesses[rank + 2];
+    const c = 3 * guesses[rank + 3];
+    all[vertex] = all[a] + all[b] - all[c] + differences[s];
+    all[vertex + 1] = all[a + 1] + all[b + 1] - all[c + 1] + differences[s + 1];
+    all[vertex + 2] = all[a + 2] + all[b + 2] - all[c + 2] + differences[s + 2];
   }
   return all;
 }
@@ -416,14 +432,14 @@ export function unpack(header, cluster, packed, zstd) {
   walk.read(edges, turns, corners, walkBits, triangles);
   expectIt(walkBits.isDone(), "more or fewer open bits than symbols need");
 
-  putFloats(positions, numbers(walk, take(3 * v), 3, true, bits), kind, places, expectIt);
-  if (header.hasFloatNormals) putFloats(normals, numbers(walk, take(3 * v), 3, false, bits), 0, 0, expectIt);
-  if (header.hasOctahedralNormals) putSteps(octahedral, numbers(walk, take(2 * v), 2, false, bits));
-  if (header.hasColors) colors.set(numbers(walk, take(4 * v), 4, false, bits));
+  putFloats(positions, numbersOfThree(walk, take(3 * v), bits), kind, places, expectIt);
+  if (header.hasFloatNormals) putFloats(normals, numbers(walk, take(3 * v), 3, bits), 0, 0, expectIt);
+  if (header.hasOctahedralNormals) putSteps(octahedral, numbers(walk, take(2 * v), 2, bits));
+  if (header.hasColors) colors.set(numbers(walk, take(4 * v), 4, bits));
   for (let word = 0; word < header.scalarWords; word++) {
     const [kind, places] = take(2);
     const bitsOf = viewOfBits(kind, places, expectIt);
-    numbers(walk, take(v), 1, false, bits).forEach((number, i) => (words[header.scalarWords * i + word] = bitsOf(number)));
+    numbers(walk, take(v), 1, bits).forEach((number, i) => (words[header.scalarWords * i + word] = bitsOf(number)));
   }
 
   const ranks = new Uint16Array(v);

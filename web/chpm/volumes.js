@@ -25,6 +25,18 @@ export function readVolumes(bytes, first, fileLength) {
   return volumes;
 }
 
+/** The first volume that ends behind a place. */
+function firstBehind(volumes, place) {
+  let [low, high] = [0, volumes.length];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    const { offset, length } = volumes[middle];
+    if (offset + length <= place) low = middle + 1;
+    else high = middle;
+  }
+  return low;
+}
+
 /**
  * @param source of the file itself, which has the sources of its volumes by their numbers
  * @param volumes as {@link readVolumes} has them
@@ -69,10 +81,11 @@ export function volumesSource(source, volumes) {
       const end = offset + length;
       const parts = [];
       if (offset < volumes[0].offset) parts.push(source.read(offset, Math.min(end, volumes[0].offset) - offset, signal, isFresh));
-      for (const [i, volume] of volumes.entries()) {
-        const from = Math.max(offset, volume.offset);
-        const to = Math.min(end, volume.offset + volume.length);
-        if (from < to) parts.push(part(i, from, to - from, signal, isFresh));
+      for (let i = firstBehind(volumes, offset); i < volumes.length; i++) {
+        const from = Math.max(offset, volumes[i].offset);
+        const to = Math.min(end, volumes[i].offset + volumes[i].length);
+        if (from >= to) break;
+        parts.push(part(i, from, to - from, signal, isFresh));
       }
       const read = await Promise.all(parts);
       if (read.length === 1) return read[0];

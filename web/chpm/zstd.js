@@ -31,6 +31,10 @@ function expect(is, problem) {
   if (!is) throw new Error(`the zstd frame is damaged: ${problem}`);
 }
 
+function viewOf(bytes) {
+  return new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+}
+
 function log2(x) {
   return 31 - Math.clz32(x);
 }
@@ -61,17 +65,15 @@ class Forward {
 class Backward {
   constructor(bytes, start, end) {
     expect(start < end && bytes[end - 1] !== 0, "a stream without its end");
-    this.bytes = bytes;
+    this.view = viewOf(bytes);
     this.start = 8 * start;
     this.at = 8 * (end - 1) + log2(bytes[end - 1]);
   }
 
   /** The `count` bits, at most 25, below a place. */
   below(place, count) {
-    const { bytes } = this;
-    const first = (place - count) >> 3;
-    const all = bytes[first] | (bytes[first + 1] << 8) | (bytes[first + 2] << 16) | (bytes[first + 3] << 24);
-    return (all >>> ((place - count) & 7)) & ((1 << count) - 1);
+    const first = place - count;
+    return (this.view.getInt32(first >> 3, true) >>> (first & 7)) & ((1 << count) - 1);
   }
 
   take(count) {
@@ -156,7 +158,7 @@ function readWeights(bytes, start, end) {
   }
 }
 
-/** The prefix code of literals: by the next bits the literal, and how many of the bits are its own. */
+/** The prefix code of literals: by the next bits the literal, and above it how many of the bits are its own. */
 function prefixCode(weights) {
   const sum = weights.reduce((sum, weight) => sum + (weight > 0 ? 1 << (weight - 1) : 0), 0);
   expect(sum > 0, "no literals in a code");
@@ -164,14 +166,13 @@ function prefixCode(weights) {
   const rest = (1 << most) - sum;
   expect(most <= 11 && (rest & (rest - 1)) === 0, "a code of literals that is none");
   weights.push(log2(rest) + 1);
-  const code = { most, symbols: new Uint8Array(1 << most), bits: new Uint8Array(1 << most) };
+  const code = { most, entries: new Uint16Array(1 << most) };
   let place = 0;
   for (let weight = 1; weight <= most; weight++) {
     weights.forEach((own, symbol) => {
       if (own !== weight) return;
       const end = place + (1 << (weight - 1));
-      code.symbols.fill(symbol, place, end);
-      code.bits.fill(most + 1 - weight, place, end);
+      code.entries.fill(symbol | ((most + 1 - weight) << 8), place, end);
       place = end;
     });
   }
@@ -239,14 +240,25 @@ class Frame {
   }
 
   #decode(start, end, first, last) {
-    const { most, symbols, bits } = this.code;
+    const { most, entries } = this.code;
     const { literals } = this;
     const stream = new Backward(this.bytes, start, end);
+    const { view } = stream;
+    const mask = (1 << most) - 1;
     let at = stream.at;
-    for (let i = first; i < last; i++) {
-      const next = stream.below(at, most);
-      literals[i] = symbols[next];
-      at -= bits[next];
+    // Two literals at a time: they have 22 bits at most.
+    for (let i = first; i < last; i += 2) {
+      const from = at - 25;
+      expect(from >= 0, "literals of another length");
+      const word = view.getInt32(from >> 3, true) >>> (from & 7);
+      const one = entries[(word >>> (25 - most)) & mask];
+      const bits = one >> 8;
+      literals[i] = one;
+      at -= bits;
+      if (i + 1 === last) break;
+      const two = entries[(word >>> (25 - most - bits)) & mask];
+      literals[i + 1] = two;
+      at -= two >> 8;
     }
     expect(at === stream.start, "literals of another length");
   }
@@ -305,38 +317,39 @@ class Frame {
     const { out, literals } = this;
     let [l, o, m] = [stream.take(lengths.log), stream.take(offsets.log), stream.take(matches.log)];
     let used = 0;
+    let to = this.length;
     for (let i = 0; i < count; i++) {
-      const [lengthCode, offsetCode, matchCode] = [lengths.symbols[l], offsets.symbols[o], matches.symbols[m]];
+      const lengthCode = lengths.symbols[l];
+      const offsetCode = offsets.symbols[o];
+      const matchCode = matches.symbols[m];
       const offsetValue = OFFSET.base[offsetCode] + stream.take(offsetCode);
       const match = MATCH_LENGTH.base[matchCode] + stream.take(MATCH_LENGTH.bits[matchCode]);
       const length = LITERALS_LENGTH.base[lengthCode] + stream.take(LITERALS_LENGTH.bits[lengthCode]);
       const offset = this.#offset(offsetValue, length);
-      this.room(length + match);
-      expect(used + length <= literals.length, "more literals than there are");
-      for (let k = 0; k < length; k++) out[this.length++] = literals[used++];
-      expect(offset > 0 && offset <= this.length, "a match in front of the beginning");
-      for (let k = 0; k < match; k++, this.length++) out[this.length] = out[this.length - offset];
+      if (to + length + match > out.length) expect(false, "more is in it than should be");
+      if (used + length > literals.length) expect(false, "more literals than there are");
+      for (let k = 0; k < length; k++) out[to++] = literals[used++];
+      if (offset <= 0 || offset > to) expect(false, "a match in front of the beginning");
+      for (let k = 0; k < match; k++, to++) out[to] = out[to - offset];
       if (i === count - 1) break;
       l = lengths.next[l] + stream.take(lengths.bits[l]);
       m = matches.next[m] + stream.take(matches.bits[m]);
       o = offsets.next[o] + stream.take(offsets.bits[o]);
     }
+    this.length = to;
     expect(stream.at === stream.start, "sequences of another length");
     return used;
   }
 
   /** The first three offsets are those that were used last. */
   #offset(value, length) {
-    const [a, b, c] = this.offsets;
-    if (value > 3) {
-      this.offsets = [value - 3, a, b];
-    } else {
-      const which = value - 1 + (length === 0 ? 1 : 0);
-      if (which === 1) this.offsets = [b, a, c];
-      else if (which === 2) this.offsets = [c, a, b];
-      else if (which === 3) this.offsets = [a - 1, a, b];
-    }
-    return this.offsets[0];
+    const { offsets } = this;
+    const which = value > 3 ? 3 : value - 1 + (length === 0 ? 1 : 0);
+    const offset = value > 3 ? value - 3 : which === 3 ? offsets[0] - 1 : offsets[which];
+    if (which > 1) offsets[2] = offsets[1];
+    if (which > 0) offsets[1] = offsets[0];
+    offsets[0] = offset;
+    return offset;
   }
 }
 

@@ -6,6 +6,7 @@ import path from "node:path";
 import { test } from "node:test";
 import { ChpmError, blobSource, extract, httpSource, level, memorySource, open, select } from "../chpm/index.js";
 import { volumeOf } from "../chpm/source.js";
+import { volumesSource } from "../chpm/volumes.js";
 import { serve } from "./server.mjs";
 import { CHPM, chpm, temporary, trianglesOfMesh, trianglesOfPly } from "./tools.mjs";
 
@@ -91,4 +92,16 @@ test("no table of volumes is believed", { skip }, async () => {
   }
   writeFileSync(at("short.chpm"), bytes[0].subarray(0, bytes[0].length - 1));
   await assert.rejects(open(memorySource(readFileSync(at("short.chpm")))), /cut short/);
+});
+
+test("a read looks at few of many volumes", async () => {
+  let looks = 0;
+  const volumes = Array.from({ length: 4096 }, (_, i) => ({ length: 10, get offset() { return looks++, 1000 + 10 * i; } }));
+  const bytes = (number) => ({ name: `${number}`, size: async () => 4106, read: async (offset, length) => new Uint8Array(length).fill(number) });
+  const main = { name: "main", read: async (_, length) => new Uint8Array(length), volume: bytes };
+  const read = async (offset, length) => [...(await volumesSource(main, volumes).read(offset, length))];
+  assert.deepEqual(await read(21508, 4), [51, 51, 52, 52].map((byte) => byte + 2000 & 255));
+  assert.deepEqual(await read(998, 4), [0, 0, 1, 1]);
+  assert.deepEqual(await read(1000 + 40950, 10), Array(10).fill(4096 & 255));
+  assert.ok(looks < 200, `${looks} looks`);
 });
