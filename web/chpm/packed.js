@@ -162,32 +162,44 @@ class Walk {
   }
 
   read(edges, turns, corners, bits, out) {
-    const { after, before, around, counts, edges: list, expectIt } = this;
-    let [turn, corner] = [0, 0];
+    const { order, after, before, around, counts, guesses, met, edges: list, expectIt } = this;
+    let turn = 0;
+    let corner = 0;
+    let edgeCount = 0;
     for (let t = 0; t < edges.length; t++) {
       const symbol = edges[t] - 1;
       if (symbol < 0) {
+        this.edgeCount = edgeCount;
         this.#start(corners, corner, bits, out, 3 * t);
+        edgeCount = this.edgeCount;
         corner += 3;
         continue;
       }
       const third = symbol & 3;
       const near = symbol >> 2;
-      const place = this.edgeCount - 1 - (near < EDGES ? near : bits.distance(near, EDGES));
-      expectIt(place >= 0, "an edge that was not met");
+      const place = edgeCount - 1 - (near < EDGES ? near : bits.distance(near, EDGES));
+      if (place < 0) expectIt(false, "an edge that was not met");
       const a = list[3 * place];
       const b = list[3 * place + 1];
       const across = list[3 * place + 2];
       // The last edge takes its place.
-      let end = 3 * --this.edgeCount;
+      let end = 3 * --edgeCount;
       list[3 * place] = list[end];
       list[3 * place + 1] = list[end + 1];
       list[3 * place + 2] = list[end + 2];
       let vertex;
-      if (third === NEW) vertex = this.#meet(a, b, across);
-      else if (third === MET) vertex = this.#again(corners[corner++], bits);
+      if (third === NEW) {
+        if (this.vertices >= order.length) expectIt(false, "more vertices than there are");
+        const to = 4 * this.vertices;
+        vertex = order[this.vertices++];
+        guesses[to] = vertex;
+        guesses[to + 1] = a;
+        guesses[to + 2] = b;
+        guesses[to + 3] = across;
+        met[this.metCount++] = vertex;
+      } else if (third === MET) vertex = this.#again(corners[corner++], bits);
       else vertex = third === AFTER ? after[b] : before[a];
-      expectIt(vertex !== NONE, "a border that is not there");
+      if (vertex === NONE) expectIt(false, "a border that is not there");
       if (third !== AFTER) {
         list[end] = vertex;
         list[end + 1] = b;
@@ -195,7 +207,7 @@ class Walk {
         end += 3;
         after[vertex] = b;
         before[b] = vertex;
-        this.edgeCount++;
+        edgeCount++;
       }
       if (third !== BEFORE) {
         list[end] = a;
@@ -203,7 +215,7 @@ class Walk {
         list[end + 2] = b;
         after[a] = vertex;
         before[vertex] = a;
-        this.edgeCount++;
+        edgeCount++;
       }
       around[NEIGHBORS * a + (counts[a]++ & (NEIGHBORS - 1))] = b;
       around[NEIGHBORS * b + (counts[b]++ & (NEIGHBORS - 1))] = vertex;
