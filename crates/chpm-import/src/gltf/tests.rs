@@ -456,7 +456,7 @@ fn what_is_not_read_is_named() {
         change(&mut file);
         refusal(&file, &made.data)
     };
-    let cases: [Refused<'_>; 24] = [
+    let cases: [Refused<'_>; 25] = [
         (&|f| f["asset"]["version"] = "1.0".into(), "glTF 1.0"),
         (&|f| f["asset"] = json!({}), "JSON"),
         (&|f| f["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]), "KHR_draco_mesh_compression"),
