@@ -5,7 +5,7 @@ use crate::file::Model;
 use crate::job;
 use crate::settings;
 use chpm_extmem::{Progress, Store};
-use chpm_measure::{Deviation, deviation_told};
+use chpm_measure::{Deviation, deviation_while};
 use chpm_mesh::{Aabb, Bytes, TriMesh};
 use chpm_verify::certify::{self, Certified, Which};
 use chpm_verify::deviation::{LevelDeviation, Spread};
@@ -310,8 +310,9 @@ pub(crate) fn measure_meshes(
 fn deviation(a: &TriMesh, b: &TriMesh, samples: u32, board: &job::Board) -> Deviation {
     // The number of parts is known with the first that is done.
     let started = Once::new();
-    deviation_told(a, b, samples as usize, &|done, all| {
+    let progress = |done, all| {
         started.call_once(|| board.begin("measure", all));
         board.advance(done);
-    })
+    };
+    deviation_while(a, b, samples as usize, &progress, &|| true).unwrap_or_default()
 }

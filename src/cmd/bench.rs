@@ -16,14 +16,15 @@ use crate::stop::{self, Stop};
 use anyhow::{Context, Result, bail, ensure};
 use chpm_build::Cancel;
 use chpm_extmem::process::peak_resident;
-use chpm_measure::deviation;
+use chpm_measure::deviation_while;
 use chpm_mesh::{Aabb, Bytes, Counted, TriMesh};
 use std::fmt::Write as _;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::Command;
-use std::time::Instant;
+use std::process::{Command, Output as Ended, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
 
 /// Arguments of `chpm bench`.
 #[derive(clap::Args, Debug)]
@@ -145,6 +146,36 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     Ok(Verdict::Good)
 }
 
+/// How often a process that runs is looked at, and the request to stop.
+const LOOK: Duration = Duration::from_millis(1);
+
+/// Runs a process whose temporary files lie in `folder`, or ends it when a stop is asked for: code of others cannot be asked to.
+fn output_of(mut command: Command, folder: &Path, cancel: &Cancel) -> Result<Ended> {
+    let [out, err] = ["stdout", "stderr"].map(|name| folder.join(name));
+    // A folder of its own goes with ours, whatever is left in it.
+    for name in ["TMPDIR", "TMP", "TEMP"] {
+        command.env(name, folder);
+    }
+    let mut child = command
+        .stdin(Stdio::null())
+        .stdout(fs::File::create(&out)?)
+        .stderr(fs::File::create(&err)?)
+        .spawn()
+        .context("cannot start this program again")?;
+    let status = loop {
+        if let Some(status) = child.try_wait()? {
+            break status;
+        }
+        if cancel.is_cancelled() {
+            child.kill()?;
+            break child.wait()?;
+        }
+        thread::sleep(LOOK);
+    };
+    stop::check(cancel)?;
+    Ok(Ended { status, stdout: fs::read(out)?, stderr: fs::read(err)? })
+}
+
 struct Bench<'a> {
     args: &'a Args,
     mesh: TriMesh,
@@ -189,7 +220,7 @@ impl Bench<'_> {
             let list: Vec<String> = meshes.iter().map(u64::to_string).collect();
             command.arg("--meshes").arg(list.join(","));
         }
-        let output = command.output().context("cannot start a contender")?;
+        let output = output_of(command, self.folder, &self.cancel)?;
         if !output.status.success() {
             bail!("{} failed: {}", contender.name(), String::from_utf8_lossy(&output.stderr).trim());
         }
@@ -221,7 +252,9 @@ impl Bench<'_> {
                 let path = contend::mesh_path(&output, *limit);
                 let lod = contend::read(&path)?;
                 fs::remove_file(&path)?;
-                let found = deviation(&self.mesh, &lod, self.args.samples as usize);
+                let go_on = || !self.cancel.is_cancelled();
+                let found = deviation_while(&self.mesh, &lod, self.args.samples as usize, &|_, _| {}, &go_on);
+                let Some(found) = found else { bail!(stop::TOLD) };
                 let triangles = lod.triangles.len() as u64;
                 points.push(Point { divisor, triangles, rms: found.rms(), max: found.max() });
                 meter.add(1);
@@ -416,4 +449,20 @@ fn machine() -> String {
     let info = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": ").map(|m| m.1));
     format!("{cores} processors, {}", model.unwrap_or("of an unknown model"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stop_ends_a_process_that_would_not_end() {
+        let folder = temporary().expect("a folder");
+        let mut endless = Command::new("sleep");
+        endless.arg("100000");
+        let cancel = Cancel::default();
+        cancel.cancel();
+        let error = output_of(endless, folder.path(), &cancel).expect_err("a stop");
+        assert_eq!(error.to_string(), stop::TOLD);
+    }
 }

@@ -13,7 +13,7 @@ use crate::threads::ThreadArgs;
 use anyhow::{Result, bail, ensure};
 use chpm_extmem::{Cancel, MappedFile, Store};
 use chpm_format::Chpm;
-use chpm_measure::{Deviation, Side, deviation_told};
+use chpm_measure::{Deviation, Side, deviation_while};
 use chpm_mesh::{Aabb, Counted, TriMesh};
 use chpm_verify::deviation::{LevelDeviation, Spread};
 use chpm_verify::measure::Which;
@@ -101,10 +101,12 @@ fn meshes(args: &Args, second: &Path) -> Result<Verdict> {
     let diagonal = bounds.diagonal();
     // The number of parts is known with the first that is done.
     let started = std::sync::Once::new();
-    let found = deviation_told(&a, &b, args.samples as usize, &|done, all| {
+    let progress = |done, all| {
         started.call_once(|| meter.start("measure", all));
         meter.add(done);
-    });
+    };
+    // The first signal ends the process, as before.
+    let found = deviation_while(&a, &b, args.samples as usize, &progress, &|| true).unwrap_or_default();
     meter.finish();
     let mut out = stdout();
     if args.json {

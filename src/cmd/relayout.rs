@@ -67,23 +67,24 @@ enum Order {
 /// Writes a file with its pages stored so, and what it keeps of how it is shown.
 #[cfg(feature = "web")]
 pub(super) fn store_pages(
-    file: &Path,
+    (file, path): (&Chpm<MappedFile>, &Path),
     output: &Path,
     (pages, shown): (Pages, Vec<(String, String)>),
     quiet: bool,
     memory: MemoryArgs,
     stop: &Stop,
 ) -> Result<u64> {
-    let (file, output) = (file.to_owned(), output.to_owned());
+    let (model, file, output) = (file, path.to_owned(), output.to_owned());
     let (order, force, threads, pages) = (None, false, ThreadArgs::default(), Some(pages));
     let volume_size = Volumes::One;
-    rewrite(&Args { file, output, pages, order, volume_size, force, threads, quiet, memory, shown }, stop)
+    let args = Args { file, output, pages, order, volume_size, force, threads, quiet, memory, shown };
+    rewrite(model, &args, stop)
 }
 
 /// Writes the file, and says how long it is.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let before = open(&args.file)?;
-    let len = rewrite(args, stop)?;
+    let len = rewrite(&before, args, stop)?;
     output::finish(&args.output);
     let (from, triangles) = (before.stored_len(), before.header().source_triangle_count.max(1) as f64);
     let mut out = stdout();
@@ -101,16 +102,15 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 }
 
 /// Bytes of the file that is written.
-fn rewrite(args: &Args, stop: &Stop) -> Result<u64> {
+fn rewrite(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<u64> {
     output::RELAYOUT.check(&args.output)?;
     // Also where only volumes are called alike.
     let is_same = |a: &Path, b: &Path| same_file(a, b) || same_file(&volume::path(a, 1), &volume::path(b, 1));
     let is_input = is_same(&args.file, &args.output);
     ensure!(!is_input, "the output '{}' is the input itself; choose another name", args.output.display());
     let pool = args.threads.pool()?;
-    let file = open(&args.file)?;
-    memory::divide(&file, args.memory.memory(), BATCH as u64 * largest(&file))?;
-    reading(&file, || pool.install(|| write(&file, args, stop)))
+    memory::divide(file, args.memory.memory(), BATCH as u64 * largest(file))?;
+    reading(file, || pool.install(|| write(file, args, stop)))
 }
 
 /// Bytes of memory for the largest page and its packed form.

@@ -14,7 +14,8 @@ use crate::web::{Given, whole_page};
 use anyhow::{Context, Result, ensure};
 use chpm_build::config::Positions;
 use chpm_build::{BuildConfig, MIN_MEMORY, Resources, Settings};
-use chpm_extmem::read_text;
+use chpm_extmem::{MappedFile, read_text};
+use chpm_format::Chpm;
 use chpm_mesh::{Bytes, Counted};
 use serde_json::json;
 use std::fs::{self, File};
@@ -81,14 +82,12 @@ const MOST_PIECES: u64 = 4096;
 /// Writes the folder, which is whole or not there.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     output::check_folder("share", &args.output)?;
-    if !inputs::is_mesh(&args.file) {
-        open(&args.file)?;
-        ensure!(
-            args.positions.is_none(),
-            "'{}' is built, and keeps its positions: build its source with --positions, or share that",
-            args.file.display()
-        );
-    }
+    let built = (!inputs::is_mesh(&args.file)).then(|| open(&args.file)).transpose()?;
+    ensure!(
+        built.is_none() || args.positions.is_none(),
+        "'{}' is built, and keeps its positions: build its source with --positions, or share that",
+        args.file.display()
+    );
     let notes = args.notes.as_deref().map(read_notes).transpose()?;
     // What tells that a folder is one of these comes first.
     let mut names = NAMES.to_vec();
@@ -97,7 +96,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     }
     let folder = OutputFolder::create(&args.output, args.force, &names, None)?;
     let model = folder.path(MODEL);
-    let bytes = write_model(args, &model, stop)?;
+    let bytes = write_model(args, built.as_ref(), &model, stop)?;
     let mut given = Given {
         title: title(&args.file),
         name: Some(MODEL.to_owned()),
@@ -150,12 +149,12 @@ fn read_notes(path: &Path) -> Result<String> {
 }
 
 /// The model in the folder: built, or stored anew; how long it is.
-fn write_model(args: &Args, model: &Path, stop: &Stop) -> Result<u64> {
+fn write_model(args: &Args, built: Option<&Chpm<MappedFile>>, model: &Path, stop: &Stop) -> Result<u64> {
     let shown = args.shown.settings();
-    if !inputs::is_mesh(&args.file) {
-        let found = if open(&args.file)?.header().is_chained() { Pages::Chained } else { Pages::Packed };
+    if let Some(file) = built {
+        let found = if file.header().is_chained() { Pages::Chained } else { Pages::Packed };
         let how = (args.pages.unwrap_or(found), shown);
-        return relayout::store_pages(&args.file, model, how, args.quiet, args.memory.clone(), stop);
+        return relayout::store_pages((file, &args.file), model, how, args.quiet, args.memory.clone(), stop);
     }
     let pages = args.pages.unwrap_or(Pages::Packed);
     let (packed, chained) = (pages != Pages::Raw, pages == Pages::Chained);

@@ -351,7 +351,7 @@ pub(crate) fn work(args: &WorkArgs, stop: &Stop) -> Result<Verdict> {
 
 /// Prints what a step did.
 fn tell(report: &StepReport) -> Result<Verdict> {
-    let StepReport { path, len, seconds, processor_seconds, peak_resident, was_there, .. } = report;
+    let StepReport { path, len, seconds, processor_seconds, peak_resident, was_there, notes, .. } = report;
     let mut out = stdout();
     if *was_there {
         writeln!(out, "{}: there already, {}", path.display(), Bytes(*len))?;
@@ -360,6 +360,7 @@ fn tell(report: &StepReport) -> Result<Verdict> {
         let memory = peak_resident.map_or(String::new(), |bytes| format!(", {} of memory", Bytes(bytes)));
         writeln!(out, "{}: {} in {seconds:.2} s{used}{memory}", path.display(), Bytes(*len))?;
     }
+    notes.iter().try_for_each(|note| writeln!(out, "{note}"))?;
     out.flush()?;
     Ok(Verdict::Good)
 }

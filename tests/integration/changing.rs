@@ -268,7 +268,7 @@ fn what_is_no_file_is_refused_by_its_name() {
     for (name, told) in [
         ("dir", "not name a file"),
         ("fifo", "not name a file"),
-        ("empty", "not a CHPM file"),
+        ("empty", "the file is cut short"),
         ("none", "cannot open"),
     ] {
         for verb in [

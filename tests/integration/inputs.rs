@@ -88,8 +88,13 @@ fn compressed_files_give_the_bytes_of_plain_ones_but_for_the_provenance() {
 
 #[test]
 fn damaged_compression_is_an_error_that_leaves_nothing() {
-    let (folder, _) = ball();
+    let (folder, mesh) = ball();
     let plain = folder.read("ball.ply");
+    // An OBJ is read to its end, and sees what is there.
+    folder.write("tail.obj.gz", [gzip(obj(&mesh).as_bytes()), b"notes on the ball".to_vec()].concat());
+    let error = folder.stderr("build tail.obj.gz -q", 2);
+    assert!(error.contains("tail.obj.gz") && error.contains("the gzip data ends"), "{error}");
+    fs::remove_file(folder.path("tail.obj.gz")).expect("the file");
     for (name, whole) in [("bad.ply.gz", gzip(&plain)), ("bad.ply.zst", zstd(&plain))] {
         let mut flipped = whole.clone();
         let middle = whole.len() / 2;

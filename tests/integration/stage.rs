@@ -41,6 +41,17 @@ fn plan(folder: &Folder, parts: u32, levels: u32, settings: &str) {
 const SMALL: &str = "--cluster-triangles 64";
 
 #[test]
+fn a_plan_says_what_it_chose() {
+    let folder = Folder::new();
+    folder.stdout("synth isosurface --triangles 2000 -o model.ply -q");
+    let words = "--positions lattice:auto -q";
+    let told = folder.stdout(&format!("build model.ply -o one.chpm {words}"));
+    let note = told.lines().find(|line| line.starts_with("coordinates are multiples of")).expect("the step");
+    let plan = folder.stdout(&format!("stage plan model.ply -o w.stages {words}"));
+    assert!(plan.lines().any(|line| line == note), "{plan}");
+}
+
+#[test]
 fn any_number_of_parts_in_any_order_gives_the_bytes_of_one_process() {
     for settings in [
         SMALL,

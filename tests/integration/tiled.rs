@@ -1,6 +1,6 @@
 //! Models that lie in several files, cut at borders of tiles.
 
-use super::harness::{Folder, triangles};
+use super::harness::{Folder, shell, text, triangles};
 use chpm_mesh::TriMesh;
 use chpm_synth::{Shape, Synth};
 use serde_json::Value;
@@ -226,6 +226,24 @@ fn each_tile_has_its_own_images() {
     folder.chpm("verify two.chpm --against two.tiles -q").success();
     let error = folder.stderr(&format!("build two.tiles -o b.png {BUILD}"), 2);
     assert!(error.contains("b.png"), "{error}");
+}
+
+#[test]
+fn tiles_with_images_keep_no_files_open() {
+    let folder = Folder::new();
+    painted(&folder, "a", 0, [250, 20, 20]);
+    folder.stdout(&format!("build a.obj {BUILD} --texture sheets"));
+    folder.stdout("extract a.chpm --level 0 --texture-size 256 -o 0.glb");
+    let mut list = "tiles\n0.glb\n".to_owned();
+    for tile in 1..60 {
+        fs::copy(folder.path("0.glb"), folder.path(&format!("{tile}.glb"))).expect("a copy");
+        writeln!(list, "{tile}.glb").expect("text");
+    }
+    folder.write("many.tiles", list);
+    let line = format!("ulimit -n 64; exec chpm build many.tiles {BUILD} --texture vertices --threads 1");
+    let built = shell(&folder, &line);
+    assert!(built.status.success(), "{}", text(&built.stderr));
+    assert!(finest(&folder, "many.chpm").colors.iter().all(|[red, ..]| *red > 200));
 }
 
 #[test]

@@ -77,7 +77,7 @@ pub enum BuildError {
     #[error("cannot partition: {0}")]
     Partition(#[from] chpm_partition::PartitionError),
     /// Something that is no volume has the name of one.
-    #[error("'{}' is to be a volume of the model, and is something else; move it, or choose another name for the model", path.display())]
+    #[error("'{}' has the name of a volume of the model, and is something else; move it, or choose another name for the model", path.display())]
     NoVolume {
         /// The file that is there.
         path: PathBuf,

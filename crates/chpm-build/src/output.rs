@@ -62,6 +62,9 @@ impl OutputFiles {
         let files = OutputFiles { main, volumes, parts: Vec::new(), overwrite, fail_points };
         if volumes != Volumes::One {
             files.check(1)?;
+            // How many there will be is not known; but what is nobody's volume would be found when all is done.
+            (2..=MOST_OPEN as u32)
+                .try_for_each(|number| is_free(&volume::path(files.main.path(), number)))?;
         }
         Ok(files)
     }
@@ -70,13 +73,7 @@ impl OutputFiles {
     fn check(&self, number: u32) -> Result<PathBuf, BuildError> {
         let path = volume::path(self.main.path(), number);
         let target = target(&path, self.overwrite)?;
-        match start_of(&path) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
-            // What somebody else has called so is not ours to replace.
-            Ok(start) if start.starts_with(&volume::MAGIC) || start.is_empty() => {}
-            Ok(_) => return Err(BuildError::NoVolume { path }),
-            Err(source) => return Err(ExtmemError::io("read", &path, 0, source).into()),
-        }
+        is_free(&path)?;
         Ok(target)
     }
 
@@ -188,6 +185,16 @@ impl OutputFiles {
         }
         remove(&model, &old, volumes.len() as u32);
         Ok(len + volumes.len() as u64 * volume::HEAD_LEN)
+    }
+}
+
+/// An error if what has the name of a volume is none: what somebody else has called so is not ours to replace.
+fn is_free(path: &Path) -> Result<(), BuildError> {
+    match start_of(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+        Ok(start) if start.starts_with(&volume::MAGIC) || start.is_empty() => Ok(()),
+        Ok(_) => Err(BuildError::NoVolume { path: path.to_owned() }),
+        Err(source) => Err(ExtmemError::io("read", path, 0, source).into()),
     }
 }
 

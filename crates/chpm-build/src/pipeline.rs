@@ -159,15 +159,7 @@ fn run(
     })?;
 
     let mut notes = std::mem::take(&mut checkpoints.notes);
-    notes.extend(known.facts.images.filter(|images| *images > 0).map(|images| {
-        format!("colours of vertices are averages of the texels of {}", Counted(images, "image"))
-    }));
-    notes.extend((settings.positions == Positions::Auto).then(|| match known.facts.lattice_step {
-        Some(step) => {
-            format!("coordinates are multiples of {step}, a step by how fine the model's detail is")
-        }
-        None => "coordinates are exact: no lattice of 24 bits is as fine as the model's detail".to_owned(),
-    }));
+    notes.extend(notes_of(&known.facts, settings));
     let written = context
         .stage(Stage::Emit, 1, || file.finish(records, context).inspect(|_| context.progress.advance(1)))?;
     Ok(BuildReport {
@@ -212,4 +204,18 @@ pub(crate) fn context<'a>(
     let mut context = Context::with_clock(store, pool, progress, cancel.clone(), clock);
     context.trace = resources.trace.clone();
     Ok(context)
+}
+
+/// Sentences about what was chosen for the source.
+pub(crate) fn notes_of(facts: &emit::Facts, settings: &Settings) -> Vec<String> {
+    let images = facts.images.filter(|images| *images > 0).map(|images| {
+        format!("colours of vertices are averages of the texels of {}", Counted(images, "image"))
+    });
+    let step = (settings.positions == Positions::Auto).then(|| match facts.lattice_step {
+        Some(step) => {
+            format!("coordinates are multiples of {step}, a step by how fine the model's detail is")
+        }
+        None => "coordinates are exact: no lattice of 24 bits is as fine as the model's detail".to_owned(),
+    });
+    images.into_iter().chain(step).collect()
 }

@@ -234,7 +234,8 @@ impl Header {
         let mut magic = [0; 8];
         let known = bytes.len().min(8);
         magic[..known].copy_from_slice(&bytes[..known]);
-        if magic != MAGIC {
+        // What is empty, or begins as it should and ends, was cut short.
+        if !MAGIC.starts_with(&magic[..known]) {
             return Err(FormatError::Magic { got: magic });
         }
         let head = bytes.get(..HEADER_LEN).ok_or(FormatError::Truncated {

@@ -116,7 +116,7 @@ impl Cutter {
     pub fn place(&mut self, len: u64) -> Result<(usize, u64), FormatError> {
         if self.end.saturating_add(len) > self.size {
             let least = HEAD_LEN.saturating_add(len);
-            let told = format_args!("at least {least}");
+            let told = format_args!("at least {least}, for the largest page");
             require(least <= self.size, FilePart::File, "size of a volume", told, self.size)?;
             (self.number, self.end) = (self.number + 1, HEAD_LEN);
         }

@@ -143,6 +143,26 @@ pub(crate) struct Opened {
     pub(crate) window: u64,
 }
 
+/// A gzip stream, of one member or several.
+struct Gzip<R> {
+    decoder: R,
+    has_begun: bool,
+}
+
+impl<R: Read> Read for Gzip<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let read = self.decoder.read(buffer).map_err(|error| match error.kind() {
+            // The library says of both that a header is invalid.
+            io::ErrorKind::InvalidInput if self.has_begun => io::Error::other(
+                "the gzip data ends, and what follows it is none: unpack it with gzip, which passes over that, or copy the file again",
+            ),
+            _ => error,
+        })?;
+        self.has_begun |= read > 0;
+        Ok(read)
+    }
+}
+
 /// A zstd stream whose window is limited.
 struct Zstd<R> {
     decoder: R,
@@ -180,7 +200,8 @@ pub(crate) fn open(tap: &Tap, head: usize, memory: u64) -> io::Result<Opened> {
     let mut stream: Stream = match packing {
         Packing::None => Box::new(bytes),
         Packing::Gzip => {
-            Box::new(flate2::bufread::MultiGzDecoder::new(BufReader::with_capacity(BLOCK, bytes)))
+            let decoder = flate2::bufread::MultiGzDecoder::new(BufReader::with_capacity(BLOCK, bytes));
+            Box::new(Gzip { decoder, has_begun: false })
         }
         Packing::Zstd => {
             let mut decoder =

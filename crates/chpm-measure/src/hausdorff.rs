@@ -61,49 +61,62 @@ impl Deviation {
 /// assert_eq!(chpm_measure::deviation(&fine, &fine, 10).max(), 0.0);
 /// ```
 pub fn deviation(a: &TriMesh, b: &TriMesh, samples_per_triangle: usize) -> Deviation {
-    deviation_told(a, b, samples_per_triangle, &|_, _| {})
+    let all = deviation_while(a, b, samples_per_triangle, &|_, _| {}, &|| true);
+    all.unwrap_or_default()
 }
 
 /// As [`deviation`], and tells `progress` from any thread how many more parts (vertices, edges, triangles) are measured,
-/// and of how many.
+/// and of how many. `go_on` is asked before every sample whether to: thousands may be on one triangle. If not, there is no answer.
 ///
 /// # Panics
 /// As [`deviation`].
-pub fn deviation_told(
+pub fn deviation_while(
     a: &TriMesh,
     b: &TriMesh,
     samples_per_triangle: usize,
     progress: &(dyn Fn(u64, u64) + Sync),
-) -> Deviation {
+    go_on: &(dyn Fn() -> bool + Sync),
+) -> Option<Deviation> {
     let budget = samples_per_triangle.saturating_mul(a.triangles.len().max(b.triangles.len()));
     let density = Density { per_triangle: samples_per_triangle, budget, seed: 0 };
     let (from_a, from_b) = (Sampler::new(a, density), Sampler::new(b, density));
     let all = (from_a.part_count() + from_b.part_count()) as u64;
     let [forward, backward] = [(&from_a, b), (&from_b, a)].map(|(samples, to)| {
         let bvh = Bvh::new(&to.positions, &to.triangles);
-        one_sided(samples, &bvh, &|done| progress(done, all))
+        one_sided(samples, &bvh, &|done| progress(done, all), go_on)
     });
-    Deviation { forward, backward }
+    Some(Deviation { forward: forward?, backward: backward? })
 }
 
 /// Distances from samples to the triangles of `to`; `progress` hears how many more parts are done.
-pub fn one_sided(samples: &Sampler<'_>, to: &Bvh, progress: &(dyn Fn(u64) + Sync)) -> Side {
+fn one_sided(
+    samples: &Sampler<'_>,
+    to: &Bvh,
+    progress: &(dyn Fn(u64) + Sync),
+    go_on: &(dyn Fn() -> bool + Sync),
+) -> Option<Side> {
     let tallies = Block::all(samples).map(|block| {
         let parts = block.part_count() as u64;
+        if !go_on() {
+            return Vec::new();
+        }
         let tallies: Vec<Tally> = block.sweep(
             samples,
             Last::default,
-            |last, point, area| last.distance(to, point, area),
+            |last, point, area| if go_on() { last.distance(to, point, area) } else { f64::INFINITY },
             |tally: &mut Tally, point, area, distance| tally.add(point, distance, area),
         );
         progress(parts);
         tallies
     });
     let tallies: Vec<Vec<Tally>> = tallies.collect();
+    if !go_on() {
+        return None;
+    }
     // Sums of floats depend on their order, so this one is sequential.
     let mut all = Tally::default();
     tallies.iter().flatten().for_each(|tally| all.merge(tally));
-    all.side()
+    Some(all.side())
 }
 
 /// What the last samples have found.
@@ -134,6 +147,7 @@ mod tests {
     use super::*;
     use crate::bvh::squared_distance;
     use chpm_synth::{Shape, Synth, hand};
+    use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
     fn moved(mesh: &TriMesh, by: [f32; 3]) -> TriMesh {
         let positions = mesh.positions.iter().map(|p| std::array::from_fn(|a| p[a] + by[a])).collect();
@@ -183,6 +197,21 @@ mod tests {
         };
         let deepest = coarse.triangles.iter().map(depth).fold(0.0, f64::max);
         assert!(result.max() <= deepest + 1e-6 && result.max() > 0.97 * deepest, "{result:?} {deepest}");
+    }
+
+    #[test]
+    fn a_stopped_measurement_searches_no_further() {
+        let (coarse, fine) = (hand::cube(), hand::icosphere(4));
+        let asked = AtomicU64::new(0);
+        let go_on = || asked.fetch_add(1, Relaxed) < 100;
+        assert_eq!(deviation_while(&coarse, &fine, 1000, &|_, _| {}, &go_on), None);
+        let told = AtomicU64::new(0);
+        let progress = |done, all| assert!(told.fetch_add(done, Relaxed) + done <= all);
+        assert_eq!(
+            deviation_while(&coarse, &fine, 2, &progress, &|| true),
+            Some(deviation(&coarse, &fine, 2))
+        );
+        assert!(told.into_inner() > 0);
     }
 
     #[test]

@@ -22,7 +22,7 @@ pub mod tiles;
 
 pub use bvh::Bvh;
 pub use crack::{Crack, EdgeCounts, Topology, boundary_vertices, cracks, edge_counts, topology, weld};
-pub use hausdorff::{Deviation, deviation, deviation_told};
+pub use hausdorff::{Deviation, deviation, deviation_while};
 pub use searcher::{Hit, Searcher};
 pub use tally::{Side, Tally};
 pub use tiles::Tiles;

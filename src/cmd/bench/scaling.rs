@@ -1,6 +1,6 @@
 //! `chpm bench --threads`: the same build on several numbers of threads, each in a process of its own.
 
-use super::{Args, machine};
+use super::{Args, machine, output_of};
 use crate::bench::median;
 use crate::cmd::{Verdict, stdout, temporary};
 use crate::json::{self, made, named};
@@ -8,6 +8,7 @@ use crate::progress::Meter;
 use crate::report::{count, table};
 use crate::stop::{self, Stop};
 use anyhow::{Context, Result, bail};
+use chpm_extmem::Cancel;
 use chpm_mesh::{Bytes, Counted};
 use serde_json::Value;
 use std::io::Write;
@@ -51,7 +52,7 @@ pub(super) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     for _ in 0..args.runs {
         for (threads, runs) in args.threads.iter().zip(&mut runs) {
             stop::check(&cancel)?;
-            runs.push(build(args, *threads, &output)?);
+            runs.push(build(args, *threads, &output, &cancel)?);
             meter.add(1);
         }
     }
@@ -81,14 +82,15 @@ pub(super) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 }
 
 /// One build by a process of this same program.
-fn build(args: &Args, threads: u32, output: &Path) -> Result<Run> {
+fn build(args: &Args, threads: u32, output: &Path, cancel: &Cancel) -> Result<Run> {
     let program = std::env::current_exe().context("cannot find this program")?;
     let mut command = Command::new(program);
     command.arg("build").arg(&args.source).arg("-o").arg(output);
     command.args(["--threads", &threads.to_string(), "--memory", &args.memory.to_string()]);
     // What an earlier run has done would be passed over, and work that is saved takes time.
     command.args(["--force", "--no-resume", "--json", "--quiet"]);
-    let done = command.output().context("cannot start a build")?;
+    let folder = output.parent().unwrap_or(output);
+    let done = output_of(command, folder, cancel)?;
     if !done.status.success() {
         bail!("a build with {threads} threads failed: {}", String::from_utf8_lossy(&done.stderr).trim());
     }

@@ -45,6 +45,8 @@ pub struct StepReport {
     pub processor_seconds: Option<f64>,
     /// Peak resident memory of the process, bytes, where the system tells.
     pub peak_resident: Option<u64>,
+    /// Sentences about what the plan has chosen for the source.
+    pub notes: Vec<String>,
 }
 
 /// How a plan divides the work.
@@ -100,6 +102,7 @@ pub fn plan(
     fingerprint.check()?;
     let known = Known { facts: Facts::of(&ingested), repairs: ingest::repairs(&ingested) };
     context.progress.counted(known.facts.triangles);
+    let notes = pipeline::notes_of(&known.facts, settings);
 
     let parts = Folder::new(folder, &resources.fail_points);
     parts.write(Step::Plan, &[], &context.store, |out| {
@@ -108,7 +111,7 @@ pub fn plan(
         let levels = division.levels_of(ground.leaves);
         Ok(Plan { settings: settings.clone(), parts: division.parts, levels, known, ground })
     })?;
-    clock.report(Step::Plan, path)
+    clock.report(Step::Plan, path).map(|report| StepReport { notes, ..report })
 }
 
 /// Makes what `step` leaves in `folder`; [`Step::Finish`] makes `output`, or [`output_of`] the folder. What is there already, whole and of the same, stays.
@@ -222,6 +225,7 @@ impl Timer {
             seconds: self.begun.elapsed().as_secs_f64(),
             processor_seconds: used.map(|used| used.as_secs_f64()),
             peak_resident: process::peak_resident(),
+            notes: Vec::new(),
         })
     }
 }

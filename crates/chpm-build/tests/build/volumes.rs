@@ -2,10 +2,12 @@
 
 use crate::site::{Site, config};
 use chpm_build::config::Volumes;
-use chpm_build::{BuildConfig, Cancel, FailPoints, Silent};
+use chpm_build::{BuildConfig, BuildProgress, Cancel, FailPoints, Silent, Stage};
+use chpm_extmem::Progress;
 use chpm_format::{Chpm, FormatError, VolumeFault, verify, volume};
 use chpm_synth::{Shape, Synth};
 use std::fs;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 fn in_volumes(size: &str) -> BuildConfig {
     let mut config = config(64);
@@ -20,6 +22,22 @@ fn open(site: &Site) -> Result<Chpm<Vec<u8>>, FormatError> {
 
 fn build(site: &Site, config: &BuildConfig) -> Result<u64, chpm_build::BuildError> {
     site.try_build(config, &Silent, &Cancel::default()).map(|report| report.output_len)
+}
+
+/// Whether a stage has begun.
+#[derive(Default)]
+struct Started(AtomicBool);
+
+impl Progress for Started {
+    fn begin(&self, _: &str, _: u64) {}
+    fn advance(&self, _: u64) {}
+    fn end(&self) {}
+}
+
+impl BuildProgress for Started {
+    fn begin_stage(&self, _: Stage, _: u64) {
+        self.0.store(true, Relaxed);
+    }
 }
 
 /// Length of all files but the source.
@@ -53,8 +71,19 @@ fn sets_replace_one_another_and_nothing_else() {
     // What is nobody's is not replaced.
     fs::write(volume::path(&site.output(), 1), "mine").unwrap();
     let told = build(&site, &in_volumes("24K")).unwrap_err().to_string();
-    assert!(told.contains("mesh.0001.pages' is to be a volume"), "{told}");
+    assert!(told.contains("mesh.0001.pages' has the name of a volume"), "{told}");
     assert_eq!(fs::read(volume::path(&site.output(), 1)).unwrap(), b"mine");
+}
+
+#[test]
+fn a_later_volumes_name_is_refused_before_the_work() {
+    let site = Site::of(&Synth::new(Shape::Sphere, 2_000, 0).to_mesh());
+    let taken = volume::path(&site.output(), 3);
+    fs::write(&taken, "mine").unwrap();
+    let started = Started::default();
+    let told = site.try_build(&in_volumes("24K"), &started, &Cancel::default()).unwrap_err().to_string();
+    assert!(told.contains("mesh.0003.pages' has the name of a volume"), "{told}");
+    assert!(!started.0.into_inner() && fs::read(&taken).unwrap() == b"mine");
 }
 
 #[test]

@@ -80,7 +80,10 @@ fn volumes_change_nothing() {
 #[test]
 fn a_page_that_does_not_fit_is_told() {
     let error = split(&strips(), 8191).unwrap_err().to_string();
-    assert!(error.contains("size of a volume: expected at least 8192, got 8191"), "{error}");
+    assert!(
+        error.contains("size of a volume: expected at least 8192, for the largest page, got 8191"),
+        "{error}"
+    );
 }
 
 #[test]

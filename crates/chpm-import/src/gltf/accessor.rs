@@ -88,6 +88,11 @@ impl Plain {
     ) -> Result<Plain, ImportError> {
         let size = (component.size() * width) as u64;
         let stride = stride.unwrap_or(size);
+        if stride < size {
+            return Err(refused(format!(
+                "{whose} has elements of {size} bytes, and the byteStride of its buffer view is {stride}: they would lie in one another"
+            )));
+        }
         let len =
             count.checked_sub(1).map_or(Some(0), |others| others.checked_mul(stride)?.checked_add(size));
         let len = len.ok_or_else(|| refused(format!("{whose} cannot have {count} elements")))?;

@@ -268,7 +268,7 @@ impl Finder<'_, '_, '_> {
             (None, Some(view)) => views.view(view).map(|(region, _)| region),
             (None, None) => return Some(Err("is nowhere".to_owned())),
         };
-        let image = region.and_then(|region| region.image(name.to_owned(), alpha));
+        let image = region.map(|region| region.image(name.to_owned(), alpha));
         Some(image.map_err(|error| format!("cannot be read: {error}")))
     }
 }

@@ -87,7 +87,8 @@ fn open(opening: Opening<'_>) -> Result<Box<dyn MeshReader>, ImportError> {
             let unread = |source| SourceError::Read { path: supply.path.clone(), source };
             let file = supply.open().map_err(unread)?;
             let len = len.min(whole.saturating_sub(from));
-            Some(Region::of(file, supply.path.clone(), from, len, store.workdir.fail_points()))
+            let path = (supply.path.clone(), !supply.is_spooled());
+            Some(Region::of(file, path, from, len, store.workdir.fail_points()))
         }
         (Some((_, len)), None) => Some(spooled(&mut stream.take(len), Scratch::new(store))?),
     };

@@ -456,7 +456,7 @@ fn what_is_not_read_is_named() {
         change(&mut file);
         refusal(&file, &made.data)
     };
-    let cases: [Refused<'_>; 24] = [
+    let cases: [Refused<'_>; 25] = [
         (&|f| f["asset"]["version"] = "1.0".into(), "glTF 1.0"),
         (&|f| f["asset"] = json!({}), "JSON"),
         (&|f| f["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]), "KHR_draco_mesh_compression"),
@@ -478,6 +478,7 @@ fn what_is_not_read_is_named() {
         (&|f| f["accessors"][0]["type"] = "MAT4".into(), "Mat4"),
         (&|f| f["bufferViews"][0]["byteLength"] = 1_000.into(), "buffer view 0"),
         (&|f| f["bufferViews"][0]["byteStride"] = 0.into(), "byteStride of 0"),
+        (&|f| f["bufferViews"][0]["byteStride"] = 8.into(), "byteStride of its buffer view is 8"),
         (&|f| f["bufferViews"][0]["buffer"] = 3.into(), "buffer 3"),
         (&|f| f["buffers"][0]["byteLength"] = 1_000.into(), "buffer 0"),
         (

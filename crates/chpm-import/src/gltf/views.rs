@@ -23,15 +23,24 @@ pub(super) struct Region {
 }
 
 struct Opened {
-    file: File,
+    file: Arc<File>,
     path: PathBuf,
+    /// Whether it can be opened again by its path.
+    is_named: bool,
     fail_points: FailPoints,
 }
 
 impl Region {
     /// All of a file, which is named by `path` in errors.
-    pub(super) fn of(file: File, path: PathBuf, start: u64, len: u64, fail_points: &FailPoints) -> Region {
-        Region { file: Arc::new(Opened { file, path, fail_points: fail_points.clone() }), start, len }
+    pub(super) fn of(
+        file: File,
+        (path, is_named): (PathBuf, bool),
+        start: u64,
+        len: u64,
+        fail_points: &FailPoints,
+    ) -> Region {
+        let (file, fail_points) = (Arc::new(file), fail_points.clone());
+        Region { file: Arc::new(Opened { file, path, is_named, fail_points }), start, len }
     }
 
     pub(super) fn len(&self) -> u64 {
@@ -51,15 +60,17 @@ impl Region {
     }
 
     /// An image whose bytes these are.
-    pub(super) fn image(&self, name: String, alpha: Alpha) -> Result<Image, ImportError> {
-        let Opened { file, path, .. } = &*self.file;
-        let file = file.try_clone().map_err(|source| SourceError::Read { path: path.clone(), source })?;
-        Ok(Image::stretch(name, file, self.start, self.len, alpha))
+    pub(super) fn image(&self, name: String, alpha: Alpha) -> Image {
+        let (Opened { file, path, is_named, .. }, place) = (&*self.file, (self.start, self.len));
+        match is_named {
+            true => Image::part(name, path.clone(), place, alpha),
+            false => Image::stretch(name, Arc::clone(file), place, alpha),
+        }
     }
 
     /// Fills `out` with the bytes from `offset` on, which must be there.
     pub(super) fn read(&self, offset: u64, out: &mut [u8]) -> Result<(), ImportError> {
-        let Opened { file, path, fail_points } = &*self.file;
+        let Opened { file, path, fail_points, .. } = &*self.file;
         let read = fail_points.access().and_then(|()| read_exact_at(file, out, self.start + offset));
         read.map_err(|source| SourceError::Read { path: path.clone(), source }.into())
     }
@@ -98,7 +109,7 @@ impl<'a> Scratch<'a> {
     pub(super) fn finish(self) -> Result<Region, ImportError> {
         let Scratch { store, file, len } = self;
         let file = file.map_or_else(|| store.workdir.unnamed_file(), Ok)?;
-        Ok(Region::of(file, store.workdir.place().to_owned(), 0, len, store.workdir.fail_points()))
+        Ok(Region::of(file, (store.workdir.place().to_owned(), false), 0, len, store.workdir.fail_points()))
     }
 }
 
@@ -205,7 +216,7 @@ fn outside(uri: &str, path: &Path, store: &Store) -> Result<Region, ImportError>
     let supply = crate::Supply::file(&path)?;
     let opened = fail_points.access().and_then(|()| supply.open());
     let file = opened.map_err(|source| SourceError::Read { path: path.clone(), source })?;
-    Ok(Region::of(file, path, 0, supply.len(), fail_points))
+    Ok(Region::of(file, (path, true), 0, supply.len(), fail_points))
 }
 
 /// The file that a URI names, in the folder of the glTF at `path` or below.

@@ -1,6 +1,6 @@
 //! Materials of an OBJ: from the libraries that it names, with their images.
 
-use super::mtl::{self, Map, Mtl, statement};
+use super::mtl::{self, Map, Mtl, statement, uncommented};
 use crate::error::{ImportError, SourceError};
 use crate::supply::Supply;
 use crate::texture::{Images, Table, beside};
@@ -58,7 +58,7 @@ impl Libraries {
     /// Reads the libraries that an `mtllib` statement names. Of several, the first that has a material counts.
     pub(super) fn add(&mut self, names: &[u8]) -> Result<(), ImportError> {
         let mut new = BTreeMap::new();
-        for name in self.split(&String::from_utf8_lossy(names)) {
+        for name in self.split(&String::from_utf8_lossy(uncommented(names))) {
             self.cancel.check().map_err(|_| SourceError::Cancelled)?;
             match beside::find(&name, &self.path) {
                 Err(why) => self.table.lose("material library", &name, &why)?,

@@ -53,8 +53,8 @@ pub(super) fn read(
                 current = Some(Mtl { name: rest.to_owned(), kd: None, map: None, shown: None });
             }
             (b"kd", Some(mtl)) => mtl.kd = color(rest),
-            (b"map_kd", Some(mtl)) => mtl.map = map(rest),
-            (b"map_d", Some(mtl)) => mtl.shown = map(rest),
+            (b"map_kd", Some(mtl)) => mtl.map = map(uncommented(rest)),
+            (b"map_d", Some(mtl)) => mtl.shown = map(uncommented(rest)),
             _ => {}
         }
     }
@@ -71,6 +71,20 @@ pub(super) fn statement(line: &[u8]) -> Option<(&[u8], &[u8])> {
     Some((keyword, &rest[start..end]))
 }
 
+/// A statement that names a file, without the comment behind it. The `#` of a name, as in `brick #2.png`, has its extension behind it.
+pub(super) fn uncommented(rest: &[u8]) -> &[u8] {
+    let mut behind = rest;
+    while let Some((word, others)) = statement(behind) {
+        if word == b"#" || (word.starts_with(b"#") && !behind.contains(&b'.')) {
+            let end = rest.len() - behind.len();
+            let end = rest[..end].iter().rposition(|byte| !is_blank(byte)).map_or(0, |at| at + 1);
+            return &rest[..end];
+        }
+        behind = others;
+    }
+    rest
+}
+
 /// As between [`words`].
 fn is_blank(byte: &u8) -> bool {
     matches!(byte, b' ' | b'\t'..=b'\r')
@@ -78,7 +92,8 @@ fn is_blank(byte: &u8) -> bool {
 
 /// Three numbers, or one for all; none for what is no number, as a spectrum.
 fn color(text: &[u8]) -> Option<[f32; 3]> {
-    let mut numbers = words(text).map(|word| number::<f32>(Some(word)).ok().filter(|x| x.is_finite()));
+    let values = words(text).take_while(|word| !word.starts_with(b"#"));
+    let mut numbers = values.map(|word| number::<f32>(Some(word)).ok().filter(|x| x.is_finite()));
     let first = numbers.next()??;
     let color = match numbers.next() {
         None => [first; 3],
@@ -204,6 +219,26 @@ mod tests {
         ] {
             assert_eq!(all(&format!("newmtl m\n{text}\n"))[0].alpha(), alpha, "{text}");
         }
+    }
+
+    #[test]
+    fn comments_may_follow_statements() {
+        let file = |line: &str| all(&format!("newmtl a #1\n{line}"))[0].map.clone().map(|map| map.file);
+        for (line, expected) in [
+            ("map_Kd a.png # of the front", "a.png"),
+            ("map_Kd -clamp on a b.png \t#front", "a b.png"),
+            ("map_Kd brick #2.png", "brick #2.png"),
+            ("map_Kd a#b.png #", "a#b.png"),
+        ] {
+            assert_eq!(file(line).as_deref(), Some(expected), "{line}");
+        }
+        assert_eq!(file("map_Kd # none"), None);
+        let found = all("newmtl a #1\nKd 0.5 # grey\nnewmtl b\nKd 0 1 0#green\nnewmtl c\nKd 0 1 0 #green");
+        assert_eq!(found[0].name, b"a #1", "a name may have one");
+        assert_eq!(
+            found.iter().map(|mtl| mtl.kd).collect::<Vec<_>>()[..],
+            [Some([0.5; 3]), None, Some([0.0, 1.0, 0.0])]
+        );
     }
 
     #[test]

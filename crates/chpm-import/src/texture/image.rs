@@ -23,7 +23,18 @@ pub struct Image {
 #[derive(Clone, Debug)]
 enum Place {
     File(PathBuf),
-    Stretch { file: Arc<File>, start: u64, len: u64 },
+    /// Of a file that is opened when it is looked at: many tiles have one each.
+    Part {
+        path: PathBuf,
+        start: u64,
+        len: u64,
+    },
+    /// Of one without a name.
+    Stretch {
+        file: Arc<File>,
+        start: u64,
+        len: u64,
+    },
 }
 
 impl Image {
@@ -31,15 +42,19 @@ impl Image {
         Image { name: path.display().to_string(), place: Place::File(path), alpha }
     }
 
-    pub(crate) fn stretch(name: String, file: File, start: u64, len: u64, alpha: Alpha) -> Image {
-        Image { name, place: Place::Stretch { file: Arc::new(file), start, len }, alpha }
+    pub(crate) fn part(name: String, path: PathBuf, (start, len): (u64, u64), alpha: Alpha) -> Image {
+        Image { name, place: Place::Part { path, start, len }, alpha }
+    }
+
+    pub(crate) fn stretch(name: String, file: Arc<File>, (start, len): (u64, u64), alpha: Alpha) -> Image {
+        Image { name, place: Place::Stretch { file, start, len }, alpha }
     }
 
     /// The file, if it is one of its own.
     pub(crate) fn path(&self) -> Option<&Path> {
         match &self.place {
             Place::File(path) => Some(path),
-            Place::Stretch { .. } => None,
+            Place::Part { .. } | Place::Stretch { .. } => None,
         }
     }
 
@@ -50,6 +65,10 @@ impl Image {
     pub fn open(&self) -> io::Result<OpenedImage> {
         let bytes: Box<dyn Read + Send> = match &self.place {
             Place::File(path) => Box::new(Supply::file(path).map_err(io::Error::other)?.open()?),
+            Place::Part { path, start, len } => {
+                let file = Supply::file(path).map_err(io::Error::other)?.open()?;
+                Box::new(Stretch { file: Arc::new(file), next: *start, end: start + len })
+            }
             Place::Stretch { file, start, len } => {
                 Box::new(Stretch { file: Arc::clone(file), next: *start, end: start + len })
             }
