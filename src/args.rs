@@ -5,7 +5,7 @@ use anyhow::{Context, Result, ensure};
 use chpm_build::config::{
     Bounds, Layout, Length, MissingImages, Normals, Positions, Texture, Topology, Volumes,
 };
-use chpm_build::{BuildConfig, FailPoints, MIN_MEMORY, Resources, Settings, Trace};
+use chpm_build::{BuildConfig, FailPoints, Ids, MIN_MEMORY, Resources, Settings, Trace};
 use chpm_format::BoundaryMode;
 use chpm_mesh::Bytes;
 pub(crate) use chpm_mesh::MemorySize;
@@ -350,6 +350,7 @@ pub(crate) fn build_config(
             checkpoint: (!resources.no_resume).then(|| Duration::from_secs_f64(resources.checkpoint)),
             keep_work: resources.keep_work,
             trace: Trace::default(),
+            ids: Ids::default(),
             fail_points: resources.kill_at.map_or_else(FailPoints::default, FailPoints::kill_at),
         },
         overwrite,
@@ -439,6 +440,7 @@ mod tests {
             checkpoint: Some(Duration::from_millis(2500)),
             keep_work: true,
             trace: Trace::default(),
+            ids: Ids::default(),
             fail_points: FailPoints::default(),
         };
         assert_eq!(typed.resources, expected);

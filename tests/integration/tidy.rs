@@ -59,7 +59,8 @@ const EDGES: [(&str, &[&str]); 21] = [
 ];
 
 /// The modules of chpm-build: each may use those before it.
-const LAYERS: [&str; 29] = [
+const LAYERS: [&str; 30] = [
+    "ids",
     "trace",
     "progress",
     "report",

@@ -1,5 +1,6 @@
 //! Configuration of a build: settings decide the bytes of the output, resources only how it gets there.
 
+use crate::ids::Ids;
 use crate::trace::Trace;
 use chpm_extmem::FailPoints;
 use chpm_format::BoundaryMode;
@@ -457,6 +458,8 @@ pub struct Resources {
     pub keep_work: bool,
     /// Where stages and tasks are recorded, if anywhere.
     pub trace: Trace,
+    /// The least kind of ids for a source's vertices; wider ones are taken where there are too many.
+    pub ids: Ids,
     /// Planned failures, for tests.
     pub fail_points: FailPoints,
 }
@@ -470,6 +473,7 @@ impl Default for Resources {
             checkpoint: Some(Duration::from_secs(15)),
             keep_work: false,
             trace: Trace::default(),
+            ids: Ids::default(),
             fail_points: FailPoints::default(),
         }
     }

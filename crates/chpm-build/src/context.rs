@@ -2,6 +2,7 @@
 
 use crate::clock::Clock;
 use crate::error::BuildError;
+use crate::ids::Ids;
 use crate::progress::{BuildProgress, Stage};
 use crate::report::StageReport;
 use crate::trace::Trace;
@@ -21,6 +22,8 @@ pub struct Context<'a> {
     pub cancel: Cancel,
     /// When the work is to be saved.
     pub(crate) clock: Clock,
+    /// The least kind of ids for a source's vertices.
+    pub(crate) ids: Ids,
     /// Where stages and tasks are recorded.
     pub(crate) trace: Trace,
     stages: Mutex<Vec<StageReport>>,
@@ -50,6 +53,7 @@ impl<'a> Context<'a> {
             progress,
             cancel,
             clock,
+            ids: Ids::default(),
             trace: Trace::default(),
             stages: Mutex::new(Vec::new()),
         }

@@ -92,6 +92,14 @@ pub enum BuildError {
         /// Most files.
         most: u64,
     },
+    /// More vertices are shared than a file can number.
+    #[error(
+        "pieces of the model share more than {most} vertices, which is all that a file numbers; larger clusters share fewer: raise --cluster-triangles, or build the model in pieces"
+    )]
+    TooManyShared {
+        /// Most of them.
+        most: u64,
+    },
     /// The file that is being written would not be valid.
     #[error("cannot write the file: {0}")]
     Format(#[from] chpm_format::FormatError),

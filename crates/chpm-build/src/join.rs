@@ -7,6 +7,7 @@
 
 use crate::context::Context;
 use crate::error::BuildError;
+use crate::ids::Id;
 use chpm_extmem::{Buckets, Column, ExtmemError};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -14,7 +15,7 @@ use std::ops::Range;
 /// Triangles that are looked at in one step.
 const STEP: usize = 1 << 15;
 /// Numbers of the mapping that a step may have in memory.
-const WINDOW: u32 = 1 << 20;
+const WINDOW: usize = 1 << 20;
 /// Steps that are joined together: their corners are on disk twice meanwhile.
 const SEGMENT: usize = 1 << 8;
 /// Numbers of the mapping that a bucket is resolved against.
@@ -23,15 +24,15 @@ const SLICE: usize = 1 << 20;
 const BLOCK: usize = 1 << 13;
 
 /// Replaces vertices by what `mapping` has for them.
-pub(crate) fn run(
-    triangles: &mut Column<[u32; 3]>,
-    mapping: &Column<u32>,
+pub(crate) fn run<I: Id>(
+    triangles: &mut Column<[I; 3]>,
+    mapping: &Column<I>,
     context: &Context<'_>,
 ) -> Result<(), BuildError> {
     let len = triangles.len();
     let phase = context.trace.phase();
     let parts = triangles.parts_mut(STEP).into_par_iter();
-    let left = parts.map_init(Scratch::default, |scratch, part| {
+    let left = parts.map_init(Scratch::<I>::default, |scratch, part| {
         let _traced = phase.task("renumber");
         context.check()?;
         let start = part.start();
@@ -52,10 +53,15 @@ pub(crate) fn run(
 }
 
 /// Buffers of a thread that looks up.
-#[derive(Default)]
-struct Scratch {
-    triangles: Vec<[u32; 3]>,
-    window: Vec<u32>,
+struct Scratch<I> {
+    triangles: Vec<[I; 3]>,
+    window: Vec<I>,
+}
+
+impl<I> Default for Scratch<I> {
+    fn default() -> Self {
+        Scratch { triangles: Vec::new(), window: Vec::new() }
+    }
 }
 
 /// Why triangles were left as they are.
@@ -71,29 +77,29 @@ impl From<ExtmemError> for Left {
     }
 }
 
-fn renumber(triangles: &mut [[u32; 3]], mapping: &Column<u32>, window: &mut Vec<u32>) -> Result<(), Left> {
+fn renumber<I: Id>(triangles: &mut [[I; 3]], mapping: &Column<I>, window: &mut Vec<I>) -> Result<(), Left> {
     let corners = triangles.as_flattened_mut();
     let (first, numbers) = match mapping.as_slice() {
         Some(numbers) => (0, numbers),
         None => {
-            fn ends((low, high): (u32, u32), v: &u32) -> (u32, u32) {
-                (low.min(*v), high.max(*v))
+            fn ends((low, high): (usize, usize), v: usize) -> (usize, usize) {
+                (low.min(v), high.max(v))
             }
-            let (low, high) = corners.iter().fold((u32::MAX, 0), ends);
+            let (low, high) = corners.iter().map(|v| v.index()).fold((usize::MAX, 0), ends);
             if high - low >= WINDOW {
                 return Err(Left::Apart);
             }
-            (low, mapping.read(low as usize..high as usize + 1, window)?)
+            (low, mapping.read(low..high + 1, window)?)
         }
     };
-    corners.iter_mut().for_each(|v| *v = numbers[(*v - first) as usize]);
+    corners.iter_mut().for_each(|v| *v = numbers[v.index() - first]);
     Ok(())
 }
 
-fn join(
-    triangles: &mut Column<[u32; 3]>,
+fn join<I: Id>(
+    triangles: &mut Column<[I; 3]>,
     steps: &[Range<usize>],
-    mapping: &Column<u32>,
+    mapping: &Column<I>,
     context: &Context<'_>,
 ) -> Result<(), BuildError> {
     let mut corners = Buckets::new(&context.store, "corners", mapping.len().div_ceil(SLICE), BLOCK);
@@ -102,7 +108,7 @@ fn join(
     for step in steps {
         context.check()?;
         for v in triangles.read(step.clone(), &mut scratch)?.as_flattened() {
-            corners.push(*v as usize / SLICE, *v)?;
+            corners.push(v.index() / SLICE, *v)?;
         }
     }
 
@@ -112,7 +118,7 @@ fn join(
         let first = bucket * SLICE;
         let numbers = mapping.read(first..mapping.len().min(first + SLICE), &mut numbers)?;
         corners.update(bucket, &mut block, |corners| {
-            corners.iter_mut().for_each(|v| *v = numbers[*v as usize - first]);
+            corners.iter_mut().for_each(|v| *v = numbers[v.index() - first]);
         })?;
     }
 
@@ -122,7 +128,7 @@ fn join(
         context.check()?;
         renumbered.clear();
         for t in triangles.read(step.clone(), &mut scratch)? {
-            let mut corner = |v: u32| resolved.next(v as usize / SLICE);
+            let mut corner = |v: I| resolved.next(v.index() / SLICE);
             renumbered.push([corner(t[0])?, corner(t[1])?, corner(t[2])?]);
         }
         triangles.write(step.start, &renumbered)?;
@@ -145,7 +151,7 @@ mod tests {
 
     #[test]
     fn vertices_close_together_and_far_apart_get_their_numbers() {
-        const VERTICES: u32 = 2 * WINDOW + 1000;
+        const VERTICES: u32 = 2 * WINDOW as u32 + 1000;
         let parent = tempfile::tempdir().unwrap();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
         let store = Store::create(parent.path(), 0).unwrap();
@@ -155,7 +161,7 @@ mod tests {
         assert!(mapping.is_on_disk());
         // Steps in turn: close together, anywhere, and neighbours with one stray in a thousand; the last step is short.
         let triangle = |i: u32| match i / STEP as u32 % 3 {
-            0 => [i, i + 1, i + WINDOW / 2],
+            0 => [i, i + 1, i + WINDOW as u32 / 2],
             1 => [0, 1, 2].map(|k| (3 * i + k).wrapping_mul(0x85eb_ca6b) % VERTICES),
             _ => [i, i + 1, if i % 1000 == 7 { VERTICES - 1 } else { i + 2 }],
         };

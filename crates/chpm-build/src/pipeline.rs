@@ -202,7 +202,7 @@ pub(crate) fn context<'a>(
         .map_err(|e| BuildError::Threads { threads, reason: e.to_string() })?;
     let clock = Clock::new(resources.checkpoint);
     let mut context = Context::with_clock(store, pool, progress, cancel.clone(), clock);
-    context.trace = resources.trace.clone();
+    (context.ids, context.trace) = (resources.ids, resources.trace.clone());
     Ok(context)
 }
 

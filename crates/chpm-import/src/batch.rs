@@ -27,6 +27,8 @@ pub enum BatchKind {
 pub struct Batch {
     /// Index of the first vertex, or the number of faces delivered before.
     pub first: u64,
+    /// The vertex that triangles count from: 0, but in a set of files with more vertices than a `u32` numbers.
+    pub base: u64,
     /// Positions are empty if the file's coordinates need double precision. Normals are as given: not necessarily of unit length; zero where
     /// not finite.
     pub vertices: Vertices,
@@ -57,6 +59,7 @@ impl Batch {
     pub(crate) const FULL: usize = 1 << 14;
 
     pub(crate) fn clear(&mut self) {
+        self.base = 0;
         self.vertices.clear_vertices();
         self.positions_f64.clear();
         self.invalid_vertices.clear();
@@ -94,7 +97,8 @@ impl Batch {
         true
     }
 
-    pub(crate) fn vertex_count(&self) -> usize {
+    /// Vertices in it.
+    pub fn vertex_count(&self) -> usize {
         self.vertices.vertex_count().max(self.positions_f64.len())
     }
 }

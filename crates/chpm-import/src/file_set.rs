@@ -34,6 +34,8 @@ pub(crate) struct FileSet {
     /// The file that is being read, and which one it is.
     current: Option<Input>,
     at: usize,
+    /// Vertices that 32 bits number.
+    most: u64,
     /// Counts of what was delivered, and those of the files before.
     counts: Counts,
     before: Counts,
@@ -114,6 +116,7 @@ impl FileSet {
             scalars,
             current: None,
             at: 0,
+            most: MAX_VERTICES,
             counts: Counts::default(),
             before: Counts::default(),
             has_corner_normals: false,
@@ -162,12 +165,16 @@ impl FileSet {
         let faces = batch.triangles.as_flattened().iter().chain(batch.polygons.iter().flatten());
         let textured = batch.textured.iter().flat_map(|triangle| &triangle.vertices);
         let corners = batch.corner_normals.iter().map(|[vertex, _]| vertex);
-        if let Some(beyond) =
-            faces.chain(textured).chain(corners).find(|v| u64::from(**v) + base >= MAX_VERTICES)
-        {
-            return Err(too_many(u64::from(*beyond) + base));
+        let has_only_triangles = batch.polygons.is_empty()
+            && [batch.textured.len(), batch.corner_normals.len(), batch.listed_normals.len()] == [0; 3];
+        let most = self.most;
+        let beyond = faces.chain(textured).chain(corners).find(|v| u64::from(**v) + base >= most);
+        match beyond {
+            Some(_) if self.options.wide && has_only_triangles => batch.base = base,
+            Some(beyond) => return Err(too_many(u64::from(*beyond) + base)),
+            None => {}
         }
-        let first = base as u32;
+        let first = if batch.base == base || base >= most { 0 } else { base as u32 };
         batch.triangles.iter_mut().for_each(|triangle| *triangle = triangle.map(|v| v + first));
         batch.polygons.corners_mut().for_each(|corner| *corner += first);
         for triangle in &mut batch.textured {
@@ -202,7 +209,7 @@ impl FileSet {
                 batch.far.iter_mut().for_each(|place| place.index += base);
                 batch.first = self.counts.vertices;
                 self.counts.vertices += batch.vertex_count() as u64;
-                if self.counts.vertices > MAX_VERTICES {
+                if self.counts.vertices > most && !self.options.wide {
                     return Err(too_many(self.counts.vertices));
                 }
             }
@@ -352,5 +359,51 @@ fn named(list: &Path, index: usize, error: SourceError) -> SourceError {
     match error {
         SourceError::Cancelled | SourceError::Extmem(_) => error,
         error => SourceError::Member { list: list.to_owned(), index, error: Box::new(error) },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A set of four scans of three vertices, of which the last two are beyond what 32 bits number: only seven are to be.
+    fn read(wide: bool, face: &str) -> Result<(Vec<[u64; 3]>, SourceInfo), String> {
+        let dir = tempfile::tempdir().unwrap();
+        let ply = |corners: &str| {
+            format!(
+                "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                 element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n{corners}\n"
+            )
+        };
+        let paths: Vec<PathBuf> = (0..4).map(|scan| dir.path().join(format!("{scan}.ply"))).collect();
+        for (scan, path) in paths.iter().enumerate() {
+            std::fs::write(path, ply(if scan == 3 { face } else { "3 0 1 2" })).unwrap();
+        }
+        let store = Store::create(dir.path(), 1 << 20).unwrap();
+        let options = Options { wide, ..Options::default() };
+        let members = paths.into_iter().map(|path| (path, None)).collect();
+        let list = dir.path().join("list.conf");
+        let set = FileSet::open(&list, members, "scans", options, &store, &Cancel::default()).unwrap();
+        let mut set = Box::new(FileSet { most: 7, ..set });
+        let (mut triangles, mut batch) = (Vec::new(), Batch::default());
+        loop {
+            let kind = set.next(&mut batch).map_err(|error| error.to_string())?;
+            triangles.extend(batch.triangles.iter().map(|t| t.map(|v| batch.base + u64::from(v))));
+            if kind == BatchKind::End {
+                return Ok((triangles, set.finish().unwrap()));
+            }
+        }
+    }
+
+    #[test]
+    fn vertices_beyond_32_bits_count_from_a_base_where_that_is_understood() {
+        let (triangles, info) = read(true, "3 2 1 0").unwrap();
+        assert_eq!(triangles, [[0, 1, 2], [3, 4, 5], [6, 7, 8], [11, 10, 9]]);
+        assert_eq!((info.vertex_count, info.face_count), (12, 4));
+        let refused = read(false, "3 2 1 0").unwrap_err();
+        assert!(refused.contains("2.ply") && refused.contains("vertices"), "{refused}");
+        // Polygons are cut later, by numbers of 32 bits.
+        let refused = read(true, "4 0 1 2 0").unwrap_err();
+        assert!(refused.contains("3.ply") && refused.contains("vertices"), "{refused}");
     }
 }

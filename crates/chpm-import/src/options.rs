@@ -49,6 +49,8 @@ pub struct Options {
     pub keep: Keep,
     /// Which images to read. Default: none.
     pub images: Images,
+    /// Whether a set of files may have more vertices than a `u32` numbers: then [`Batch::base`](crate::Batch::base) counts. Default: no.
+    pub wide: bool,
 }
 
 impl Default for Options {
@@ -59,6 +61,7 @@ impl Default for Options {
             colors: true,
             keep: Keep::default(),
             images: Images::Ignored,
+            wide: false,
         }
     }
 }

@@ -7,6 +7,7 @@ use crate::file_set::{self, FileSet};
 use crate::format::{Format, Likeness, first_line, is_text, without_mark};
 use crate::lines::{Lines, number, words};
 use crate::location::excerpt;
+use crate::options::Options;
 use crate::reader::{MeshReader, Opening, SourceInfo, Start};
 use crate::seams::{NewNumbers, Seams};
 use crate::stream::Stream;
@@ -39,6 +40,8 @@ fn open(opening: Opening<'_>) -> Result<Box<dyn MeshReader>, ImportError> {
     }
     let Tiles { files, weld } = Tiles::read(stream)?;
     let members = files.iter().map(|file| (supply.path.with_file_name(file), None)).collect();
+    // Where tiles meet, a triangle may have vertices of several.
+    let options = Options { wide: false, ..options };
     let set = FileSet::open(&supply.path, members, "tiles", options, store, cancel)?;
     Ok(Box::new(TileSet::new(set, weld, store, cancel)))
 }

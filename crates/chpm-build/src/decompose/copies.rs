@@ -2,12 +2,13 @@
 //!
 //! Two faces of opposite turn are the two sides of a sheet, and both stay.
 
+use crate::ids::Id;
 use crate::trace::Phase;
 use chpm_extmem::{Column, ExtmemError};
 use rayon::prelude::*;
 
 /// The triangle as all its copies have it: the smallest vertex first, the turn as it is.
-fn key([a, b, c]: [u32; 3]) -> [u32; 3] {
+fn key<I: Id>([a, b, c]: [I; 3]) -> [I; 3] {
     if a < b && a < c {
         [a, b, c]
     } else if b < c {
@@ -19,36 +20,36 @@ fn key([a, b, c]: [u32; 3]) -> [u32; 3] {
 
 /// Drops copies that come soon after one another, so that a million of them take no room. Those that it lets through are for
 /// [`drop_all`].
-pub(super) struct Sieve {
+pub(super) struct Sieve<I> {
     /// Triangles that were let through last, by hash.
-    seen: Vec<[u32; 3]>,
+    seen: Vec<[I; 3]>,
     /// Copies that were dropped.
     pub(super) dropped: u64,
 }
 
-impl Default for Sieve {
+impl<I: Id> Default for Sieve<I> {
     fn default() -> Self {
-        Sieve { seen: vec![[0; 3]; 1 << Self::LOG], dropped: 0 }
+        Sieve { seen: vec![[I::zeroed(); 3]; 1 << LOG], dropped: 0 }
     }
 }
 
-impl Sieve {
-    /// log2 of the triangles that are remembered.
-    const LOG: u32 = 15;
-    /// Places that one thread joins.
-    const PART: usize = 1 << 11;
+/// log2 of the triangles that are remembered.
+const LOG: u32 = 15;
+/// Places that one thread joins.
+const PART: usize = 1 << 11;
 
+impl<I: Id> Sieve<I> {
     /// A sieve that all `triangles` before one of them came through: it remembers the last of each place, which a few hundred thousand have filled.
-    pub(super) fn behind(triangles: &Column<[u32; 3]>, start: usize) -> Result<Sieve, ExtmemError> {
+    pub(super) fn behind(triangles: &Column<[I; 3]>, start: usize) -> Result<Self, ExtmemError> {
         let (mut sieve, mut scratch) = (Sieve::default(), Vec::new());
         let (mut open, mut end) = (sieve.seen.len(), start);
         while open > 0 && end > 0 {
-            let begin = end.saturating_sub(1 << Self::LOG);
+            let begin = end.saturating_sub(1 << LOG);
             for triangle in triangles.read(begin..end, &mut scratch)?.iter().rev() {
                 let key = key(*triangle);
                 let seen = &mut sieve.seen[place(key)];
                 // No triangle has three equal corners.
-                if *seen == [0; 3] {
+                if *seen == [I::zeroed(); 3] {
                     *seen = key;
                     open -= 1;
                 }
@@ -60,19 +61,19 @@ impl Sieve {
 
     /// Whether a record is new, as far as is remembered: of the last that had its place.
     #[inline]
-    pub(super) fn is_new(&mut self, record: [u32; 3]) -> bool {
+    pub(super) fn is_new(&mut self, record: [I; 3]) -> bool {
         std::mem::replace(&mut self.seen[place(record)], record) != record
     }
 
     /// Goes on with triangles that were sifted by themselves, as if they had come here one by one. Answers those that are not let through after
     /// all: which pieces they are of, and their places there.
-    pub(super) fn join(&mut self, pieces: &[(&[[u32; 3]], &Sifted)], phase: Phase<'_>) -> Vec<(usize, u32)> {
+    pub(super) fn join(&mut self, pieces: &[(&[[I; 3]], &Sifted<I>)], phase: Phase<'_>) -> Vec<(usize, u32)> {
         // Places do not ask for each other.
-        let parts = self.seen.par_chunks_mut(Self::PART).enumerate().map(|(part, seen)| {
+        let parts = self.seen.par_chunks_mut(PART).enumerate().map(|(part, seen)| {
             let _traced = phase.task("join");
             let mut copies = Vec::new();
             for (piece, (triangles, sifted)) in pieces.iter().enumerate() {
-                let range = part * Self::PART..part * Self::PART + seen.len();
+                let range = part * PART..part * PART + seen.len();
                 let first_and_last = sifted.firsts[range.clone()].iter().zip(&sifted.sieve.seen[range]);
                 for (seen, (first, last)) in
                     seen.iter_mut().zip(first_and_last).filter(|(_, (first, _))| **first != NONE)
@@ -97,36 +98,41 @@ const NONE: u32 = u32::MAX;
 
 /// Where a sieve remembers a record.
 #[inline]
-fn place(record: [u32; 3]) -> usize {
-    let [a, b, c] = record.map(u64::from);
+fn place<I: Id>(record: [I; 3]) -> usize {
+    let [a, b, c] = record.map(I::bits);
     let hash =
         (a.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ b.rotate_left(32) ^ c).wrapping_mul(0xd6e8_feb8_6659_fd93);
-    (hash >> (64 - Sieve::LOG)) as usize
+    (hash >> (64 - LOG)) as usize
 }
 
 /// Triangles in a row that were sifted by themselves, on whichever thread.
-#[derive(Default)]
-pub(super) struct Sifted {
+pub(super) struct Sifted<I> {
     /// By triangle, whether it is let through.
     passes: Vec<bool>,
     /// By place, the triangle that came there first: what came before all of these decides. [`NONE`] where none came.
     firsts: Vec<u32>,
-    sieve: Sieve,
+    sieve: Sieve<I>,
 }
 
-impl Sifted {
-    pub(super) fn sift(&mut self, triangles: &[[u32; 3]]) {
+impl<I: Id> Default for Sifted<I> {
+    fn default() -> Self {
+        Sifted { passes: Vec::new(), firsts: Vec::new(), sieve: Sieve::default() }
+    }
+}
+
+impl<I: Id> Sifted<I> {
+    pub(super) fn sift(&mut self, triangles: &[[I; 3]]) {
         self.passes.clear();
         self.firsts.clear();
-        self.firsts.resize(1 << Sieve::LOG, NONE);
-        self.sieve.seen.fill([0; 3]);
+        self.firsts.resize(1 << LOG, NONE);
+        self.sieve.seen.fill([I::zeroed(); 3]);
         self.sieve.dropped = 0;
         for (index, triangle) in (0..).zip(triangles) {
             let key = key(*triangle);
             let place = place(key);
             let before = std::mem::replace(&mut self.sieve.seen[place], key);
             // No triangle has three equal corners.
-            if before == [0; 3] {
+            if before == [I::zeroed(); 3] {
                 self.firsts[place] = index;
             }
             self.passes.push(before != key);
@@ -140,7 +146,7 @@ impl Sifted {
     }
 
     /// Those of the triangles that were let through.
-    pub(super) fn passing<'a>(&self, triangles: &'a [[u32; 3]]) -> impl Iterator<Item = &'a [u32; 3]> {
+    pub(super) fn passing<'a>(&self, triangles: &'a [[I; 3]]) -> impl Iterator<Item = &'a [I; 3]> {
         triangles.iter().zip(&self.passes).filter(|(_, passes)| **passes).map(|(triangle, _)| triangle)
     }
 }
@@ -235,7 +241,7 @@ mod tests {
         assert_eq!(dropped + drop_all(&mut passed, 1 << 20), copies);
         assert_eq!(passed, plain);
         // Whatever is repeated soon is dropped at once.
-        let mut sieve = Sieve::default();
+        let mut sieve = Sieve::<u32>::default();
         assert_eq!(
             (0..1000).filter(|i| sieve.is_new(key([[4, 5, 6], [5, 6, 4], [6, 4, 5]][i % 3]))).count(),
             1

@@ -17,11 +17,11 @@ use super::size::{Shares, Size};
 use crate::config::{Normals, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
-use crate::ingest::Source;
+use crate::ids::Id;
 use crate::vertex_columns::{ColumnMap, VertexColumns};
 use bytemuck::Pod;
 use chpm_extmem::{Column, Reservation, Store, process};
-use chpm_mesh::{Attributes, Octahedral};
+use chpm_mesh::{Aabb, Attributes, Octahedral};
 
 pub(crate) use borders::{Borders, Foreign};
 pub(crate) use route::Routed;
@@ -31,22 +31,25 @@ pub(crate) use split::is_too_large;
 const BLOCKS: usize = 8 << 20;
 
 /// The source in regions.
-pub(crate) struct Divided {
+pub(crate) struct Divided<I: Id> {
     vertices: VertexColumns,
     homes: Homes,
-    routed: Routed,
-    borders: Borders,
+    routed: Routed<I>,
+    borders: Borders<I>,
     _share: Reservation,
 }
 
 /// Divides the source for `leaves` leaf clusters.
-pub(crate) fn run(
-    source: Source,
+pub(crate) fn run<I: Id>(
+    vertices: VertexColumns,
+    triangles: Column<[I; 3]>,
+    bounds: Aabb,
     leaves: u32,
     settings: &Settings,
     context: &Context<'_>,
-) -> Result<Divided, BuildError> {
-    let Cut { vertices, triangles, homes } = homes::run(source, leaves, settings, context)?;
+) -> Result<Divided<I>, BuildError> {
+    let cut = homes::run(vertices, triangles, bounds, leaves, settings, context)?;
+    let Cut { vertices, triangles, homes } = cut;
 
     // Triangles go first; regions that got too many are split; then it is known which vertices of others each region has.
     let mut routed = Routed::new(homes.count(), &context.store);
@@ -64,7 +67,7 @@ pub(crate) fn run(
     Ok(Divided { vertices, homes, routed, borders, _share })
 }
 
-impl Divided {
+impl<I: Id> Divided<I> {
     /// The same with the vertices on disk, so that regions have more memory.
     pub(crate) fn moved_to_disk(self, store: &Store) -> Result<Self, BuildError> {
         Ok(Divided { vertices: self.vertices.map(&ToDisk(store))?, ..self })

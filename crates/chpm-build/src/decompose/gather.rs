@@ -32,6 +32,9 @@ impl About {
     }
 }
 
+/// The most vertices that clusters share: one value of 32 bits is kept free.
+const MOST: u64 = u32::MAX as u64;
+
 /// Takes in regions, in their order.
 pub(crate) struct Gatherer {
     collector: Collector,
@@ -58,6 +61,10 @@ impl Gatherer {
     pub(super) fn take(&mut self, done: Done) -> Result<(), BuildError> {
         // Border numbers hold everywhere; inner numbers count from those of the regions before.
         let inner_before = self.collector.inner_count();
+        let inner: u64 = done.interfaces.counts.iter().map(|count| u64::from(*count)).sum();
+        if u64::from(self.border_count) + u64::from(inner_before) + inner > MOST {
+            return Err(BuildError::TooManyShared { most: MOST });
+        }
         self.collector.add(&done)?;
         let border_count = self.border_count;
         let topology = done.topology.renumbered(|id| if id < border_count { id } else { id + inner_before });
@@ -85,5 +92,31 @@ impl Gatherer {
         repairs.unreferenced_vertices = about.vertex_count - shared.used_vertices;
         let About { rounding, scalar_words, .. } = about;
         Decomposition { rounding, spool, leaves, shared, scalar_words, held: None }.hold(&context.store)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::region::Interfaces;
+    use super::*;
+
+    #[test]
+    fn more_shared_vertices_than_a_file_numbers_are_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::create(dir.path(), 1 << 30).unwrap();
+        let done = |count| Done {
+            leaves: Vec::new(),
+            interfaces: Interfaces { users: vec![0, 1], starts: vec![0, 2], counts: vec![count] },
+            border_uses: Vec::new(),
+            topology: Default::default(),
+            referenced: 0,
+            copies: 0,
+            normals: Vec::new(),
+        };
+        let mut gatherer = Gatherer::new(1000, 0, &Settings::default(), &store).unwrap();
+        gatherer.take(done(u32::MAX - 1007)).unwrap();
+        gatherer.take(done(7)).unwrap();
+        let refused = gatherer.take(done(1)).unwrap_err().to_string();
+        assert!(refused.contains("share more than 4294967295 vertices"), "{refused}");
     }
 }

@@ -9,6 +9,7 @@ use super::size::leaf_count;
 use crate::config::Settings;
 use crate::context::Context;
 use crate::error::BuildError;
+use crate::ids::{Id, Ids, with_ids};
 use crate::ingest::Source;
 use crate::vertex_columns::VertexColumns;
 use chpm_extmem::{Column, PartFile, PartReader, PartWriter};
@@ -24,6 +25,7 @@ pub(crate) struct Ground {
     pub(super) carried: Attributes,
     /// Leaves that are wanted of all.
     pub(crate) leaves: u32,
+    ids: Ids,
     triangles: u64,
     cells: u64,
     /// Where its columns begin, and where its cells do.
@@ -31,9 +33,9 @@ pub(crate) struct Ground {
 }
 
 /// A source that was handed over, of which everyone reads what they need.
-pub(super) struct Opened {
+pub(super) struct Opened<I: Id> {
     pub(super) vertices: VertexColumns,
-    pub(super) triangles: Column<[u32; 3]>,
+    pub(super) triangles: Column<[I; 3]>,
     pub(super) homes: Homes,
 }
 
@@ -44,9 +46,21 @@ pub(crate) fn write(
     context: &Context<'_>,
     out: &mut PartWriter,
 ) -> Result<Ground, BuildError> {
-    let about = About::of(&source);
-    let leaves = leaf_count(source.triangles.len(), settings);
-    let Cut { vertices, triangles, homes } = homes::run(source, leaves, settings, context)?;
+    let (about, leaves) = (About::of(&source), leaf_count(source.triangles.len(), settings));
+    let Source { vertices, triangles, bounds, .. } = source;
+    with_ids!(triangles, triangles => {
+        let cut = homes::run(vertices, triangles, bounds, leaves, settings, context)?;
+        write_cut(cut, about, leaves, out)
+    })
+}
+
+fn write_cut<I: Id>(
+    cut: Cut<I>,
+    about: About,
+    leaves: u32,
+    out: &mut PartWriter,
+) -> Result<Ground, BuildError> {
+    let Cut { vertices, triangles, homes } = cut;
     let columns = out.len();
     // By region, so that who works on one reads little else.
     let runs = || (0..homes.count()).flat_map(|region| homes.own_runs(region));
@@ -55,17 +69,22 @@ pub(crate) fn write(
     let cells: Vec<[u32; 2]> = homes.cells().map(<[u32; 2]>::from).collect();
     let offsets = [columns, out.append(bytemuck::cast_slice(&cells))?];
     let [triangles, cells] = [triangles.len(), cells.len()].map(|count| count as u64);
-    Ok(Ground { about, carried: vertices.attributes(), leaves, triangles, cells, offsets })
+    Ok(Ground { about, carried: vertices.attributes(), leaves, ids: I::IDS, triangles, cells, offsets })
 }
 
 impl Ground {
+    /// Kind of its ids.
+    pub(super) fn ids(&self) -> Ids {
+        self.ids
+    }
+
     /// Triangles of the source.
     pub(crate) fn triangle_count(&self) -> u64 {
         self.triangles
     }
 
     /// Opens what lies in the plan's part. The homes alone are read.
-    pub(super) fn open(&self, part: &Arc<PartFile>) -> Result<Opened, BuildError> {
+    pub(super) fn open<I: Id>(&self, part: &Arc<PartFile>) -> Result<Opened<I>, BuildError> {
         let [columns, cells] = self.offsets;
         let mut columns = PartReader::at(part, columns);
         let count = self.about.vertex_count as usize;
@@ -116,7 +135,17 @@ impl Ground {
         context: &Context<'_>,
         out: &mut PartWriter,
     ) -> Result<Sent, BuildError> {
-        let Opened { triangles, homes, .. } = self.open(part)?;
+        with_ids!(self.ids, type I => self.scatter_as::<I>(range, part, context, out))
+    }
+
+    fn scatter_as<I: Id>(
+        &self,
+        range: Range<usize>,
+        part: &Arc<PartFile>,
+        context: &Context<'_>,
+        out: &mut PartWriter,
+    ) -> Result<Sent, BuildError> {
+        let Opened { triangles, homes, .. } = self.open::<I>(part)?;
         let mut routed = Routed::new(homes.count(), &context.store);
         routed.take(&triangles, range, &homes, context)?;
 

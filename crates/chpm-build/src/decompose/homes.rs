@@ -6,10 +6,11 @@ use super::partition;
 use crate::config::Settings;
 use crate::context::Context;
 use crate::error::BuildError;
-use crate::ingest::Source;
+use crate::ids::Id;
 use crate::pairs::{Pairs, graph_bytes};
 use crate::vertex_columns::VertexColumns;
 use chpm_extmem::Column;
+use chpm_mesh::Aabb;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -74,22 +75,22 @@ impl Homes {
     }
 
     /// The cell of a vertex.
-    pub(super) fn cell_of(&self, vertex: u32) -> u32 {
+    pub(super) fn cell_of(&self, vertex: usize) -> u32 {
         self.cells.of(vertex)
     }
 
     /// The region that a vertex is at home in.
     #[inline]
-    pub(super) fn of(&self, vertex: u32) -> u32 {
+    pub(super) fn of(&self, vertex: usize) -> u32 {
         self.of_cells[self.cells.of(vertex) as usize].0
     }
 
     /// That, and the number of the vertex among those at home there.
     #[inline]
-    pub(super) fn place(&self, vertex: u32) -> (u32, u32) {
+    pub(super) fn place(&self, vertex: usize) -> (u32, u32) {
         let cell = self.cells.of(vertex);
         let (home, first) = self.of_cells[cell as usize];
-        (home, first + (vertex - self.cells.range(cell).start as u32))
+        (home, first + (vertex - self.cells.range(cell).start) as u32)
     }
 
     /// Vertices that are at home in a region; none are in one that was split off.
@@ -108,15 +109,15 @@ impl Homes {
     }
 
     /// Where vertices of a cell lie, from one to another.
-    pub(super) fn lie(&self, first: u32, last: u32) -> Range<usize> {
+    pub(super) fn lie(&self, first: usize, last: usize) -> Range<usize> {
         let start = match &self.starts {
-            None => first as usize,
+            None => first,
             Some(starts) => {
                 let (home, number) = self.place(first);
                 starts[home as usize] + number as usize
             }
         };
-        start..start + (last - first) as usize + 1
+        start..start + (last - first) + 1
     }
 
     fn own_cells(&self, region: usize) -> &[u32] {
@@ -125,33 +126,35 @@ impl Homes {
 }
 
 /// A source with its vertices in the order of cells.
-pub(crate) struct Cut {
+pub(crate) struct Cut<I: Id> {
     pub(crate) vertices: VertexColumns,
     /// In the order of the source.
-    pub(crate) triangles: Column<[u32; 3]>,
+    pub(crate) triangles: Column<[I; 3]>,
     pub(crate) homes: Homes,
 }
 
 /// Numbers the vertices by cell, and cuts the graph of cells into regions for `leaves` leaf clusters.
-pub(crate) fn run(
-    source: Source,
+pub(crate) fn run<I: Id>(
+    mut vertices: VertexColumns,
+    mut triangles: Column<[I; 3]>,
+    bounds: Aabb,
     leaves: u32,
     settings: &Settings,
     context: &Context<'_>,
-) -> Result<Cut, BuildError> {
-    let Source { mut vertices, mut triangles, bounds, .. } = source;
-    let count = vertices.positions.len() as u32;
+) -> Result<Cut<I>, BuildError> {
+    let count = vertices.positions.len();
     let wanted = region_count(count, leaves, settings);
     // One region is one cell, and everything stays where it is.
     if wanted <= 1 {
         context.progress.advance(triangles.len() as u64);
-        let homes = Homes::new(Cells::new([count].into_iter()), &[0]);
+        let homes = Homes::new(Cells::new([count as u32].into_iter()), &[0]);
         return Ok(Cut { vertices, triangles, homes });
     }
 
-    let limit = (count / (wanted * REGION_CELLS)).max(settings.cell_vertices);
+    let limit = count / (wanted as usize * REGION_CELLS as usize);
+    let limit = u32::try_from(limit).unwrap_or(u32::MAX).max(settings.cell_vertices);
     let traced = context.trace.task("number");
-    let (list, mapping) = number::run(&vertices.positions, &bounds, limit, context)?;
+    let (list, mapping) = number::run::<I>(&vertices.positions, &bounds, limit, context)?;
     drop(traced);
     let traced = context.trace.task("permute");
     vertices = vertices.map(&number::Permutation { mapping: &mapping, context })?;
@@ -169,18 +172,18 @@ pub(crate) fn run(
 }
 
 /// Regions for as many leaves and vertices: a power of two, so that each has the same number of leaves.
-fn region_count(vertices: u32, leaves: u32, settings: &Settings) -> u32 {
+fn region_count(vertices: usize, leaves: u32, settings: &Settings) -> u32 {
     // As many vertices as a region of a closed surface has, twice over.
     let region_vertices = u64::from(REGION_LEAVES) * u64::from(settings.cluster_triangles.max(16));
-    let by_vertices = (u64::from(vertices) / region_vertices).max(1).ilog2();
+    let by_vertices = (vertices as u64 / region_vertices).max(1).ilog2();
     (leaves / REGION_LEAVES).max(1 << by_vertices).max(1)
 }
 
 /// The region of each cell.
-fn regions(
+fn regions<I: Id>(
     list: &[Cell],
     cells: &Cells,
-    triangles: &Column<[u32; 3]>,
+    triangles: &Column<[I; 3]>,
     wanted: u32,
     settings: &Settings,
     context: &Context<'_>,
@@ -192,16 +195,20 @@ fn regions(
 }
 
 /// Graph of the cells from a sample of the triangles.
-fn joints(triangles: &Column<[u32; 3]>, cells: &Cells, context: &Context<'_>) -> Result<Pairs, BuildError> {
+fn joints<I: Id>(
+    triangles: &Column<[I; 3]>,
+    cells: &Cells,
+    context: &Context<'_>,
+) -> Result<Pairs, BuildError> {
     let steps = triangles.len().div_ceil(STEP);
     let phase = context.trace.phase();
-    let all = (0..steps).into_par_iter().map_init(Vec::new, |scratch: &mut Vec<[u32; 3]>, step: usize| {
+    let all = (0..steps).into_par_iter().map_init(Vec::new, |scratch: &mut Vec<[I; 3]>, step: usize| {
         let _traced = phase.task("joints");
         context.check()?;
         let range = step * STEP..triangles.len().min((step + 1) * STEP);
         let mut joints = Pairs::default();
         for t in triangles.read(range, scratch)?.iter().step_by(SAMPLE) {
-            cell_graph::joints(t.map(|v| cells.of(v))).for_each(|(a, b)| joints.add(a, b, 1));
+            cell_graph::joints(t.map(|v| cells.of(v.index()))).for_each(|(a, b)| joints.add(a, b, 1));
         }
         Ok(joints)
     });

@@ -6,6 +6,7 @@ use super::homes::Homes;
 use super::region::Mesh;
 use crate::context::Context;
 use crate::error::BuildError;
+use crate::ids::Id;
 use crate::vertex_columns::VertexColumns;
 use chpm_mesh::Vertices;
 use rayon::prelude::*;
@@ -20,18 +21,18 @@ pub(crate) const INNER: u32 = u32::MAX;
 const UNUSED: u32 = u32::MAX;
 
 /// All that a region is made of but the vertices themselves.
-pub(crate) struct Material {
+pub(crate) struct Material<I: Id> {
     /// By the numbers of vertices that hold everywhere.
-    pub(crate) triangles: Vec<[u32; 3]>,
+    pub(crate) triangles: Vec<[I; 3]>,
     /// Vertices of others that they use.
-    pub(crate) foreign: Vec<Foreign>,
+    pub(crate) foreign: Vec<Foreign<I>>,
     /// Vertices at home here that others use, ascending,
-    pub(crate) border: Vec<u32>,
+    pub(crate) border: Vec<I>,
     /// and the border number of the first; the others' follow.
     pub(crate) first_border: u32,
 }
 
-impl Material {
+impl<I: Id> Material<I> {
     /// The mesh. Vertices of its own come first, those of others after them.
     pub(crate) fn load(
         self,
@@ -41,15 +42,15 @@ impl Material {
         context: &Context<'_>,
     ) -> Result<Mesh, BuildError> {
         let Material { mut triangles, mut foreign, border: visited, first_border } = self;
-        foreign.sort_unstable_by_key(|f| f.vertex);
+        foreign.sort_unstable_by_key(|[vertex, _]| *vertex);
         let own = homes.own(region);
         // The number of a vertex among a region's own and then the foreign ones.
-        let local = |vertex: u32| {
-            let (home, number) = homes.place(vertex);
+        let local = |vertex: I| {
+            let (home, number) = homes.place(vertex.index());
             if home as usize == region {
-                number
+                number as usize
             } else {
-                (own + foreign.partition_point(|f| f.vertex < vertex)) as u32
+                own + foreign.partition_point(|[other, _]| *other < vertex)
             }
         };
 
@@ -58,8 +59,10 @@ impl Material {
         let phase = context.trace.phase();
         triangles.par_chunks_mut(LOADED).for_each(|triangles| {
             let _traced = phase.task("find");
-            triangles.as_flattened_mut().iter_mut().for_each(|v| *v = local(*v));
+            triangles.as_flattened_mut().iter_mut().for_each(|v| *v = I::of(local(*v)));
         });
+        // From here on 32 bits do.
+        let mut triangles = I::narrowed(triangles);
         triangles.as_flattened().iter().for_each(|v| numbers[*v as usize] = 0);
 
         // Those that triangles use are numbered in their order.
@@ -79,13 +82,13 @@ impl Material {
         let mut border = vec![INNER; count as usize];
         let mut visited_only = 0;
         for (vertex, id) in visited.iter().zip(first_border..) {
-            match numbers[local(*vertex) as usize] {
+            match numbers[local(*vertex)] {
                 UNUSED => visited_only += 1,
                 number => border[number as usize] = id,
             }
         }
-        for (number, vertex) in numbers[own..].iter().zip(&foreign) {
-            border[*number as usize] = vertex.border;
+        for (number, [_, id]) in numbers[own..].iter().zip(&foreign) {
+            border[*number as usize] = id.index() as u32;
         }
 
         let own_used = numbers[..own].iter().filter(|n| **n != UNUSED).count();
@@ -98,9 +101,10 @@ impl Material {
             rest = further;
         }
         // A cell's vertices lie side by side: one read for all that are used.
-        for cell in foreign.chunk_by(|a, b| homes.cell_of(a.vertex) == homes.cell_of(b.vertex)) {
-            let (first, last) = (cell[0].vertex, cell[cell.len() - 1].vertex);
-            let used = cell.iter().map(|f| (f.vertex - first) as usize);
+        let cell_of = |[vertex, _]: &Foreign<I>| homes.cell_of(vertex.index());
+        for cell in foreign.chunk_by(|a, b| cell_of(a) == cell_of(b)) {
+            let [first, last] = [&cell[0], &cell[cell.len() - 1]].map(|[vertex, _]| vertex.index());
+            let used = cell.iter().map(|[vertex, _]| vertex.index() - first);
             gathered.gather(vertices.read(homes.lie(first, last), &mut scratch)?, used);
         }
         Ok(Mesh { copies, triangles, border, referenced: own_used as u64 + visited_only, vertices: gathered })
@@ -109,7 +113,7 @@ impl Material {
 
 /// Value that most of a triangle's corners have; where all differ, one of the three by a rule that does not depend on the order of
 /// the corners, so that copies of a triangle stay together.
-pub(crate) fn majority(triangle: [u32; 3], of_corners: [u32; 3]) -> u32 {
+pub(crate) fn majority<I: Id>(triangle: [I; 3], of_corners: [u32; 3]) -> u32 {
     let [a, b, c] = of_corners;
     if a == b || a == c {
         a
@@ -118,7 +122,7 @@ pub(crate) fn majority(triangle: [u32; 3], of_corners: [u32; 3]) -> u32 {
     } else {
         let mut distinct = [a, b, c];
         distinct.sort_unstable();
-        let sum: u64 = triangle.iter().map(|v| u64::from(*v)).sum();
-        distinct[(sum % 3) as usize]
+        let sum: usize = triangle.iter().map(|v| v.index()).sum();
+        distinct[sum % 3]
     }
 }

@@ -36,6 +36,7 @@ pub(crate) use shared::SharedVertices;
 use crate::config::Settings;
 use crate::context::Context;
 use crate::error::BuildError;
+use crate::ids::{Id, with_ids};
 use crate::in_order::in_order;
 use crate::ingest::Source;
 use crate::report::Repairs;
@@ -97,9 +98,23 @@ pub(crate) fn run(
     context: &Context<'_>,
     repairs: &mut Repairs,
 ) -> Result<Decomposition, BuildError> {
-    let about = About::of(&source);
-    let leaves = leaf_count(source.triangles.len(), settings);
-    let divided = divide::run(source, leaves, settings, context)?;
+    let (about, leaves) = (About::of(&source), leaf_count(source.triangles.len(), settings));
+    let Source { vertices, triangles, bounds, .. } = source;
+    with_ids!(triangles, triangles => {
+        let divided = divide::run(vertices, triangles, bounds, leaves, settings, context)?;
+        work(divided, about, leaves, settings, context, repairs)
+    })
+}
+
+/// Works on the regions one by one.
+fn work<I: Id>(
+    divided: Divided<I>,
+    about: About,
+    leaves: u32,
+    settings: &Settings,
+    context: &Context<'_>,
+    repairs: &mut Repairs,
+) -> Result<Decomposition, BuildError> {
     let shares = divided.shares(leaves);
 
     let spool = Spool::named(&context.store, LEAVES, LEAVES);
@@ -133,11 +148,11 @@ pub(crate) fn run(
 }
 
 /// How many regions of such costs to work on at the same time, and the memory for them: where it is short, arrays move to disk.
-fn share_of(
-    mut divided: Divided,
+fn share_of<I: Id>(
+    mut divided: Divided<I>,
     costs: &[u64],
     context: &Context<'_>,
-) -> Result<(Divided, usize, Reservation), BuildError> {
+) -> Result<(Divided<I>, usize, Reservation), BuildError> {
     let largest = costs.iter().copied().max().unwrap_or(0);
     let budget = &context.store.budget;
     let fitting =

@@ -8,6 +8,7 @@ use super::cell_graph::Cell;
 use super::grid::Grid;
 use crate::context::Context;
 use crate::error::BuildError;
+use crate::ids::Id;
 use crate::per_thread::PerThread;
 use crate::vertex_columns::ColumnMap;
 use bytemuck::Pod;
@@ -32,7 +33,7 @@ const PARTS: usize = 16;
 #[derive(Debug)]
 pub(crate) struct Cells {
     /// Cell c has the vertices `starts[c]..starts[c + 1]`.
-    starts: Vec<u32>,
+    starts: Vec<usize>,
     /// The cell of every vertex whose number is a multiple of `1 << shift`.
     hints: Vec<u32>,
     shift: u32,
@@ -43,17 +44,17 @@ impl Cells {
     pub(crate) fn new(counts: impl Iterator<Item = u32>) -> Self {
         let mut starts = vec![0];
         starts.extend(counts.scan(0, |end, count| {
-            *end += count;
+            *end += count as usize;
             Some(*end)
         }));
 
         // About one hint a cell: so a look-up begins next to its cell.
         let (end, count) = (starts[starts.len() - 1], starts.len() - 1);
-        let shift = (end / (count as u32).max(1)).max(1).ilog2();
-        let mut hints = vec![0; (end >> shift) as usize + 2];
+        let shift = (end / count.max(1)).max(1).ilog2();
+        let mut hints = vec![0; (end >> shift) + 2];
         let mut cell = 0;
-        for (hint, vertex) in hints.iter_mut().zip((0u64..).step_by(1 << shift)) {
-            while cell + 1 < count && u64::from(starts[cell + 1]) <= vertex {
+        for (hint, vertex) in hints.iter_mut().zip((0..).step_by(1 << shift)) {
+            while cell + 1 < count && starts[cell + 1] <= vertex {
                 cell += 1;
             }
             *hint = cell as u32;
@@ -68,20 +69,20 @@ impl Cells {
 
     /// Vertices of all of them.
     pub(crate) fn end(&self) -> usize {
-        self.starts[self.count()] as usize
+        self.starts[self.count()]
     }
 
     /// The cell of a vertex.
     #[inline]
-    pub(crate) fn of(&self, vertex: u32) -> u32 {
-        let hint = (vertex >> self.shift) as usize;
+    pub(crate) fn of(&self, vertex: usize) -> u32 {
+        let hint = vertex >> self.shift;
         let (low, high) = (self.hints[hint] as usize, self.hints[hint + 1] as usize);
         (low + self.starts[low + 1..=high].partition_point(|start| *start <= vertex)) as u32
     }
 
     /// The vertices of a cell.
     pub(crate) fn range(&self, cell: u32) -> std::ops::Range<usize> {
-        self.starts[cell as usize] as usize..self.starts[cell as usize + 1] as usize
+        self.starts[cell as usize]..self.starts[cell as usize + 1]
     }
 }
 
@@ -97,28 +98,28 @@ fn cut(cells: &[Cell], limit: u32) -> Vec<Cell> {
 }
 
 /// Cells of at most `limit` vertices each, and the new number of every vertex: by cell, in the source's order within one.
-pub(crate) fn run(
+pub(crate) fn run<I: Id>(
     positions: &Column<[f32; 3]>,
     bounds: &Aabb,
     limit: u32,
     context: &Context<'_>,
-) -> Result<(Vec<Cell>, Column<u32>), BuildError> {
+) -> Result<(Vec<Cell>, Column<I>), BuildError> {
     let grid = Grid::build(positions, bounds, limit, &context.trace, &|| context.check())?;
     let mut next = Vec::with_capacity(grid.cells.len());
     let mut end = 0;
     for cell in &grid.cells {
         next.push(end);
-        end += cell.count;
+        end += cell.count as usize;
     }
 
     // A counting sort by cell, of which only the places are kept. Slices are counted side by side, and so are their places given out.
     let mut mapping = BufferWriter::new(&context.store, "vertex mapping", positions.len())?;
     let (mut scratch, mut slices) = (Vec::new(), Vec::new());
     let [counting, placing, storing] = [(); 3].map(|()| context.trace.phase());
-    let by_cell: PerThread<Vec<u32>> = PerThread::new();
+    let by_cell: PerThread<Vec<I>> = PerThread::new();
     let zeros = || {
         let mut zeros = by_cell.own();
-        zeros.resize(grid.cells.len(), 0);
+        zeros.resize(grid.cells.len(), I::of(0));
         zeros
     };
     let count = |points: &[[f32; 3]]| {
@@ -135,66 +136,66 @@ pub(crate) fn run(
             let _traced = placing.task("number");
             slice.place(&mut zeros());
         });
-        let numbers: Vec<&[u32]> = slices.iter().map(|slice| &slice.numbers[..]).collect();
+        let numbers: Vec<&[I]> = slices.iter().map(|slice| &slice.numbers[..]).collect();
         mapping.extend_from_slices(&numbers, || storing.task("store"))?;
     }
     Ok((cut(&grid.cells, limit), mapping.finish_column()?))
 }
 
 /// Vertices in a row, as one thread counts them.
-struct Slice {
+struct Slice<I> {
     /// Their cells, and then their places.
-    numbers: Vec<u32>,
+    numbers: Vec<I>,
     /// Each cell that they lie in, with their number, and then with the first of their places.
-    cells: Vec<(u32, u32)>,
+    cells: Vec<(u32, I)>,
 }
 
-impl Slice {
+impl<I: Id> Slice<I> {
     /// Counts vertices in these cells; `counts` is zero for each cell, before and after.
-    fn count(cells: impl Iterator<Item = u32>, counts: &mut [u32]) -> Slice {
+    fn count(cells: impl Iterator<Item = u32>, counts: &mut [I]) -> Self {
         let mut met = Vec::new();
         let numbers = cells.inspect(|cell| {
             let count = &mut counts[*cell as usize];
-            if *count == 0 {
-                met.push((*cell, 0));
+            if *count == I::of(0) {
+                met.push((*cell, I::of(0)));
             }
-            *count += 1;
+            *count = I::of(count.index() + 1);
         });
-        let numbers = numbers.collect();
+        let numbers = numbers.map(|cell| I::of(cell as usize)).collect();
         for (cell, count) in &mut met {
-            *count = std::mem::take(&mut counts[*cell as usize]);
+            *count = std::mem::replace(&mut counts[*cell as usize], I::of(0));
         }
         Slice { numbers, cells: met }
     }
 
     /// Takes the next places of each cell.
-    fn take_places(&mut self, next: &mut [u32]) {
+    fn take_places(&mut self, next: &mut [usize]) {
         for (cell, count) in &mut self.cells {
             let next = &mut next[*cell as usize];
-            (*count, *next) = (*next, *next + *count);
+            (*count, *next) = (I::of(*next), *next + count.index());
         }
     }
 
     /// Gives each vertex its place; `next` is zero for each cell, before and after.
-    fn place(&mut self, next: &mut [u32]) {
+    fn place(&mut self, next: &mut [I]) {
         self.cells.iter().for_each(|(cell, first)| next[*cell as usize] = *first);
         for number in &mut self.numbers {
-            let next = &mut next[*number as usize];
+            let next = &mut next[number.index()];
             *number = *next;
-            *next += 1;
+            *next = I::of(next.index() + 1);
         }
-        self.cells.iter().for_each(|(cell, _)| next[*cell as usize] = 0);
+        self.cells.iter().for_each(|(cell, _)| next[*cell as usize] = I::of(0));
     }
 }
 
 /// New places of all vertices.
-pub(crate) struct Permutation<'a> {
+pub(crate) struct Permutation<'a, I: Id> {
     /// By vertex, its place.
-    pub(crate) mapping: &'a Column<u32>,
+    pub(crate) mapping: &'a Column<I>,
     pub(crate) context: &'a Context<'a>,
 }
 
-impl ColumnMap for Permutation<'_> {
+impl<I: Id> ColumnMap for Permutation<'_, I> {
     fn map<T: Pod + Send + Sync>(
         &self,
         from: Column<T>,
@@ -205,9 +206,9 @@ impl ColumnMap for Permutation<'_> {
 }
 
 /// The items, each at its new place.
-fn permute<T: Pod + Send + Sync>(
+fn permute<T: Pod + Send + Sync, I: Id>(
     from: Column<T>,
-    mapping: &Column<u32>,
+    mapping: &Column<I>,
     what: &'static str,
     context: &Context<'_>,
 ) -> Result<Column<T>, BuildError> {
@@ -218,7 +219,7 @@ fn permute<T: Pod + Send + Sync>(
     }
 
     let (mut items, mut places) = (Vec::new(), Vec::new());
-    let mut each = |put: &mut dyn FnMut(u32, T) -> Result<(), BuildError>| {
+    let mut each = |put: &mut dyn FnMut(I, T) -> Result<(), BuildError>| {
         for start in (0..from.len()).step_by(STEP) {
             context.check()?;
             let range = start..from.len().min(start + STEP);
@@ -233,7 +234,7 @@ fn permute<T: Pod + Send + Sync>(
     // If only the result is in memory, each item still goes to its place at once.
     if let Some(out) = to.as_mut_slice() {
         each(&mut |place, item| {
-            out[place as usize] = item;
+            out[place.index()] = item;
             Ok(())
         })?;
         return Ok(to);
@@ -244,12 +245,12 @@ fn permute<T: Pod + Send + Sync>(
     let mut placed = Buckets::new(&context.store, what, count, BLOCK);
     let mut sorted = Buckets::new(&context.store, what, count, BLOCK);
     each(&mut |place, item| {
-        placed.push(place as usize / PLACES, place)?;
-        Ok(sorted.push(place as usize / PLACES, item)?)
+        placed.push(place.index() / PLACES, place)?;
+        Ok(sorted.push(place.index() / PLACES, item)?)
     })?;
 
     let phase = context.trace.phase();
-    let place = |(out, items, places): &mut (Vec<T>, Vec<T>, Vec<u32>), part: Part<'_, T>| {
+    let place = |(out, items, places): &mut (Vec<T>, Vec<T>, Vec<I>), part: Part<'_, T>| {
         let _traced = phase.task("place");
         context.check()?;
         let (start, bucket) = (part.start(), part.start() / PLACES);
@@ -259,7 +260,7 @@ fn permute<T: Pod + Send + Sync>(
         placed.read(bucket, places)?;
         part.update(out, |out| {
             for (place, item) in places.iter().zip(&*items) {
-                out[*place as usize - start] = *item;
+                out[place.index() - start] = *item;
             }
             Ok::<(), BuildError>(())
         })
@@ -270,14 +271,14 @@ fn permute<T: Pod + Send + Sync>(
 
 /// Puts each item at its place in `out`. Each part of it is a task that looks at all places, which costs far less than the writes; in a part these
 /// are closer together, too.
-fn put<T: Pod + Send + Sync>(items: &[T], places: &[u32], out: &mut [T], context: &Context<'_>) {
+fn put<T: Pod + Send + Sync, I: Id>(items: &[T], places: &[I], out: &mut [T], context: &Context<'_>) {
     let part = out.len().div_ceil(rayon::current_num_threads().max(PARTS)).max(1);
     let phase = context.trace.phase();
     out.par_chunks_mut(part).enumerate().for_each(|(index, out)| {
         let _traced = phase.task("permute");
         let start = index * part;
         for (place, item) in places.iter().zip(items) {
-            if let Some(out) = out.get_mut((*place as usize).wrapping_sub(start)) {
+            if let Some(out) = out.get_mut(place.index().wrapping_sub(start)) {
                 *out = *item;
             }
         }
@@ -301,13 +302,13 @@ mod tests {
             assert_eq!(cells.count(), list.len());
             let mut vertex = 0;
             for cell in 0..list.len() as u32 {
-                assert_eq!(cells.range(cell).start as u32, vertex);
+                assert_eq!(cells.range(cell).start, vertex);
                 for _ in 0..list[cell as usize].count {
                     assert_eq!(cells.of(vertex), cell, "{vertex} of {counts:?}");
                     vertex += 1;
                 }
             }
-            assert_eq!(vertex, counts.iter().sum::<u32>());
+            assert_eq!(vertex as u32, counts.iter().sum::<u32>());
         }
     }
 }

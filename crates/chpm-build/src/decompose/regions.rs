@@ -11,6 +11,7 @@ use super::{Decomposition, LEAVES};
 use crate::config::Settings;
 use crate::context::Context;
 use crate::error::BuildError;
+use crate::ids::{Id, with_ids};
 use crate::in_order::in_order;
 use crate::report::Repairs;
 use bincode::serde::{decode_from_slice, encode_to_vec};
@@ -67,8 +68,19 @@ pub(crate) fn write(
     context: &Context<'_>,
     out: &mut PartWriter,
 ) -> Result<Regions, BuildError> {
-    let Opened { homes, .. } = ground.open(plan)?;
-    let mut routed = Routed::new(homes.count(), &context.store);
+    with_ids!(ground.ids(), type I => write_as::<I>(ground, plan, sent, settings, context, out))
+}
+
+fn write_as<I: Id>(
+    ground: &Ground,
+    plan: &Arc<PartFile>,
+    sent: &[(Arc<PartFile>, Sent)],
+    settings: &Settings,
+    context: &Context<'_>,
+    out: &mut PartWriter,
+) -> Result<Regions, BuildError> {
+    let Opened { homes, .. } = ground.open::<I>(plan)?;
+    let mut routed = Routed::<I>::new(homes.count(), &context.store);
     let mut pieces = vec![Vec::new(); homes.count()];
     let mut counts = vec![0; homes.count()];
     for (source, (part, Sent { rows, copies })) in (0..).zip(sent) {
@@ -84,8 +96,8 @@ pub(crate) fn write(
             }
             counts[region] += triangles;
             routed.uses[region] += uses;
-            let behind = offset.saturating_add(triangles.saturating_mul(size_of::<[u32; 3]>() as u64));
-            let visits: Vec<[u32; 2]> = part.read_items(behind, *visits as usize)?;
+            let behind = offset.saturating_add(triangles.saturating_mul(size_of::<[I; 3]>() as u64));
+            let visits: Vec<[I; 2]> = part.read_items(behind, *visits as usize)?;
             visits.into_iter().try_for_each(|visit| routed.visits.push(region, visit))?;
         }
     }
@@ -137,15 +149,15 @@ pub(crate) fn write(
 }
 
 /// Reads so many triangles from an offset on, some at a time.
-fn each_step(
+fn each_step<I: Id>(
     part: &PartFile,
     mut offset: u64,
     count: u64,
-    mut take: impl FnMut([u32; 3]) -> Result<(), BuildError>,
+    mut take: impl FnMut([I; 3]) -> Result<(), BuildError>,
 ) -> Result<(), BuildError> {
     const STEP: u64 = 1 << 16;
     for start in (0..count).step_by(STEP as usize) {
-        let step: Vec<[u32; 3]> = part.read_items(offset, STEP.min(count - start) as usize)?;
+        let step: Vec<[I; 3]> = part.read_items(offset, STEP.min(count - start) as usize)?;
         offset += size_of_val(&step[..]) as u64;
         step.into_iter().try_for_each(&mut take)?;
     }
@@ -168,19 +180,19 @@ impl Regions {
         self.rows.iter().map(|row| row.size.triangles)
     }
 
-    fn load(
+    fn load<I: Id>(
         &self,
         region: usize,
         parts: &Parts<'_>,
-        ground: &Opened,
+        ground: &Opened<I>,
         context: &Context<'_>,
     ) -> Result<Mesh, BuildError> {
         let Row { offset, pieces, first_border, size } = self.rows[region];
         let mut reader = PartReader::at(parts.regions, offset);
         let pieces: Vec<Piece> = reader.items(pieces as usize)?;
-        let foreign: Vec<Foreign> = reader.items(size.foreign as usize)?;
+        let foreign: Vec<Foreign<I>> = reader.items(size.foreign as usize)?;
         let border = reader.items(size.border as usize)?;
-        let mut triangles = Vec::new();
+        let mut triangles = Vec::<[I; 3]>::new();
         for Piece { source, offset, count } in pieces {
             let part = match self.sources.get(source as usize) {
                 Some((name, id)) => &parts.folder.open_same(name, *id)?,
@@ -201,7 +213,18 @@ impl Regions {
         context: &Context<'_>,
         out: &mut PartWriter,
     ) -> Result<Results, BuildError> {
-        let ground = parts.ground.open(parts.plan)?;
+        with_ids!(parts.ground.ids(), type I => self.work_as::<I>(range, parts, settings, context, out))
+    }
+
+    fn work_as<I: Id>(
+        &self,
+        range: Range<usize>,
+        parts: &Parts<'_>,
+        settings: &Settings,
+        context: &Context<'_>,
+        out: &mut PartWriter,
+    ) -> Result<Results, BuildError> {
+        let ground = parts.ground.open::<I>(parts.plan)?;
         let carried = parts.ground.carried;
         let cost = |row: &Row| row.size.cost(carried, settings);
         let largest = self.rows[range.clone()].iter().map(cost).max().unwrap_or(0);

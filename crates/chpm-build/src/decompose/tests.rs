@@ -1,6 +1,7 @@
 //! Leaves against the source, by definition, for regions of every kind.
 
 use super::*;
+use crate::ids::Triangles;
 use crate::ingest::SourceFacts;
 use crate::vertex_columns::VertexColumns;
 use chpm_extmem::{BufferWriter, Store};
@@ -29,7 +30,7 @@ fn source(mesh: &TriMesh, store: &Store) -> Source {
     }
     Source {
         vertices: VertexColumns::of(mesh.view(), store),
-        triangles: column(store, &mesh.triangles),
+        triangles: Triangles::Narrow(column(store, &mesh.triangles)),
         bounds: Aabb::of_points(&mesh.positions),
         rounding: 0.0,
         facts: SourceFacts::default(),

@@ -8,6 +8,7 @@
 use super::local::each;
 use crate::context::Context;
 use crate::error::BuildError;
+use crate::ids::Id;
 use chpm_extmem::{Buckets, Column};
 
 /// Vertices of a slice at least, where there are so many.
@@ -16,32 +17,32 @@ const LEAST: usize = 1 << 18;
 const BLOCK: usize = 1 << 13;
 
 /// By vertex an earlier one of its component, or itself if it is the first.
-pub(super) fn links(
-    triangles: &Column<[u32; 3]>,
+pub(super) fn links<I: Id>(
+    triangles: &Column<[I; 3]>,
     vertices: usize,
     context: &Context<'_>,
-) -> Result<Column<u32>, BuildError> {
+) -> Result<Column<I>, BuildError> {
     // As much for the links that are done.
-    let len = vertices.min(LEAST.max(context.store.budget.available() as usize / 8));
+    let len = vertices.min(LEAST.max(context.store.budget.available() as usize / (2 * size_of::<I>())));
     links_by(len.max(1), triangles, vertices, context)
 }
 
 /// With slices of `len` vertices.
-fn links_by(
+fn links_by<I: Id>(
     len: usize,
-    triangles: &Column<[u32; 3]>,
+    triangles: &Column<[I; 3]>,
     vertices: usize,
     context: &Context<'_>,
-) -> Result<Column<u32>, BuildError> {
+) -> Result<Column<I>, BuildError> {
     let store = &context.store;
-    let _share = store.budget.reserve_work("components", 4 * len as u64)?;
+    let _share = store.budget.reserve_work("components", (size_of::<I>() * len) as u64)?;
     let last = vertices.saturating_sub(1) / len;
-    fn of(vertex: u32, len: usize) -> usize {
-        vertex as usize / len
+    fn of<I: Id>(vertex: I, len: usize) -> usize {
+        vertex.index() / len
     }
 
     // Edges within the last slice are joined as triangles come; those of others wait for their slice.
-    let mut edges = Buckets::<[u32; 2]>::new(store, "edges of components", last, BLOCK);
+    let mut edges = Buckets::<[I; 2]>::new(store, "edges of components", last, BLOCK);
     let mut slice = Slice::new(last * len..vertices);
     each(triangles, context, |_, triangles| {
         for triangle in triangles {
@@ -77,36 +78,36 @@ fn links_by(
 }
 
 /// The links of vertices in a row. Within the slice they make trees; a root's leads to itself or out of the slice.
-struct Slice {
-    first: u32,
-    links: Vec<u32>,
+struct Slice<I> {
+    first: I,
+    links: Vec<I>,
 }
 
-impl Slice {
+impl<I: Id> Slice<I> {
     fn new(range: std::ops::Range<usize>) -> Self {
-        let mut slice = Slice { first: 0, links: Vec::with_capacity(range.len()) };
+        let mut slice = Slice { first: I::NONE, links: Vec::with_capacity(range.len()) };
         slice.begin(range);
         slice
     }
 
     fn begin(&mut self, range: std::ops::Range<usize>) {
-        self.first = range.start as u32;
+        self.first = I::of(range.start);
         self.links.clear();
-        self.links.extend(range.map(|vertex| vertex as u32));
+        self.links.extend(range.map(I::of));
     }
 
-    fn link(&mut self, vertex: u32) -> &mut u32 {
-        &mut self.links[(vertex - self.first) as usize]
+    fn link(&mut self, vertex: I) -> &mut I {
+        &mut self.links[vertex.index() - self.first.index()]
     }
 
     /// Where a link leads if that is in the slice, else the vertex itself.
-    fn above(&mut self, vertex: u32) -> u32 {
+    fn above(&mut self, vertex: I) -> I {
         let link = *self.link(vertex);
         if link < self.first { vertex } else { link }
     }
 
     /// The least vertex of the set; the way there becomes half as long.
-    fn root(&mut self, mut vertex: u32) -> u32 {
+    fn root(&mut self, mut vertex: I) -> I {
         loop {
             let above = self.above(vertex);
             if above == vertex {
@@ -119,7 +120,7 @@ impl Slice {
     }
 
     /// Takes an edge from a vertex of the slice to an earlier one; may leave another edge like it, whose vertices both lie before the slice.
-    fn join(&mut self, [later, earlier]: [u32; 2]) -> Option<[u32; 2]> {
+    fn join(&mut self, [later, earlier]: [I; 2]) -> Option<[I; 2]> {
         let (mut root, mut out) = (self.root(later), earlier);
         if out >= self.first {
             let other = self.root(earlier);
@@ -146,19 +147,21 @@ impl Slice {
     }
 
     /// Stores where each vertex's root leads.
-    fn finish(&mut self, links: &mut Column<u32>) -> Result<(), BuildError> {
-        for vertex in (self.first..).take(self.links.len()) {
+    fn finish(&mut self, links: &mut Column<I>) -> Result<(), BuildError> {
+        let first = self.first.index();
+        for vertex in (first..first + self.links.len()).map(I::of) {
             let root = self.root(vertex);
             let link = *self.link(root);
             *self.link(vertex) = link;
         }
-        Ok(links.write(self.first as usize, &self.links)?)
+        Ok(links.write(first, &self.links)?)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ids::Far;
     use chpm_extmem::{BufferWriter, Store};
     use chpm_extmem::{Cancel, Silent};
     use proptest::prelude::*;
@@ -179,11 +182,12 @@ mod tests {
     }
 
     /// The first vertex of each one's component, where links lead.
-    fn found(len: usize, triangles: &[[u32; 3]], vertices: usize, memory: u64) -> Vec<u32> {
+    fn found<I: Id>(len: usize, triangles: &[[u32; 3]], vertices: usize, memory: u64) -> Vec<u32> {
         let dir = tempfile::tempdir().unwrap();
         let store = Store::create(dir.path(), memory).unwrap();
         let mut writer = BufferWriter::new(&store, "triangles", 0).unwrap();
-        writer.extend_from_slice(triangles).unwrap();
+        let ids: Vec<_> = triangles.iter().map(|triangle| triangle.map(|v| I::of(v as usize))).collect();
+        writer.extend_from_slice(&ids).unwrap();
         let triangles = writer.finish_column().unwrap();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
         let context = Context::new(store, pool, &Silent, Cancel::default());
@@ -192,7 +196,9 @@ mod tests {
         context.cancel.cancel();
         let stopped = links_by(len, &triangles, vertices, &context);
         assert!(triangles.is_empty() || matches!(stopped, Err(BuildError::Cancelled)), "nobody looks");
-        let mut firsts = links.read(0..vertices, &mut Vec::new()).unwrap().to_vec();
+        let mut scratch = Vec::new();
+        let links = links.read(0..vertices, &mut scratch).unwrap();
+        let mut firsts: Vec<u32> = links.iter().map(|link| link.index() as u32).collect();
         for vertex in 0..vertices {
             assert!(firsts[vertex] <= vertex as u32, "a link leads back");
             firsts[vertex] = firsts[firsts[vertex] as usize];
@@ -215,8 +221,9 @@ mod tests {
             };
             let triangles: Vec<[u32; 3]> = corners.into_iter().map(near).collect();
             let expected = naive(&triangles, vertices);
-            prop_assert_eq!(found(len, &triangles, vertices, 0), &expected[..]);
-            prop_assert_eq!(found(len, &triangles, vertices, 1 << 24), expected);
+            prop_assert_eq!(found::<u32>(len, &triangles, vertices, 0), &expected[..]);
+            prop_assert_eq!(found::<Far>(len, &triangles, vertices, 0), &expected[..]);
+            prop_assert_eq!(found::<u32>(len, &triangles, vertices, 1 << 24), expected);
         }
     }
 
@@ -237,7 +244,7 @@ mod tests {
             members().for_each(|v| expected[v as usize] = first);
         }
         for len in [VERTICES as usize, 10_000, 999, 64] {
-            assert!(found(len, &triangles, VERTICES as usize, 0) == expected, "slices of {len}");
+            assert!(found::<u32>(len, &triangles, VERTICES as usize, 0) == expected, "slices of {len}");
         }
     }
 }

@@ -10,6 +10,7 @@ use super::used::Used;
 use crate::config::Settings;
 use crate::context::Context;
 use crate::error::BuildError;
+use crate::ids::Id;
 use bytemuck::Pod;
 use chpm_extmem::{Cached, Column};
 use chpm_qem::{Decimator, Patch};
@@ -39,9 +40,9 @@ const FILTER_BITS: u32 = 23;
 const BYTES: u64 = 12 << 20;
 
 /// Bits of the lattice; none where positions had better be exact.
-pub(super) fn bits<T: Coordinate>(
+pub(super) fn bits<T: Coordinate, I: Id>(
     positions: &Column<[T; 3]>,
-    triangles: &Column<[u32; 3]>,
+    triangles: &Column<[I; 3]>,
     used: &Used,
     settings: &Settings,
     context: &Context<'_>,
@@ -51,7 +52,7 @@ where
 {
     let _share = context.store.budget.reserve_work("a sample of the model", BYTES)?;
     let ranges = ranges(positions, used, context)?;
-    let pieces = pieces(positions, triangles, used, settings, context)?;
+    let pieces = pieces::<T, I>(positions, triangles, used, settings, context)?;
     let diagonal = ranges.iter().map(|(low, high)| (high - low) * (high - low)).sum::<f64>().sqrt();
     // What is left out below that error is not there to be kept.
     let finest = settings.finest_error.map_or(0.0, |error| error.of(diagonal));
@@ -65,7 +66,7 @@ struct Piece {
     /// Half a side of the box that it fills.
     reach: f64,
     /// Which vertices it has, rising.
-    vertices: Vec<u32>,
+    vertices: Vec<usize>,
     /// Relative to the seed, so that it does not matter how far that is from zero.
     positions: Vec<[f32; 3]>,
     triangles: Vec<[u16; 3]>,
@@ -84,7 +85,7 @@ impl Piece {
     }
 
     /// The vertex's number here, if it has it.
-    fn local(&self, vertex: u32) -> Option<u16> {
+    fn local(&self, vertex: usize) -> Option<u16> {
         self.vertices.binary_search(&vertex).ok().map(|at| at as u16)
     }
 
@@ -110,9 +111,9 @@ fn size([x, y, z]: [f64; 3]) -> f64 {
 }
 
 /// The pieces, whole.
-fn pieces<T: Coordinate>(
+fn pieces<T: Coordinate, I: Id>(
     positions: &Column<[T; 3]>,
-    triangles: &Column<[u32; 3]>,
+    triangles: &Column<[I; 3]>,
     used: &Used,
     settings: &Settings,
     context: &Context<'_>,
@@ -154,14 +155,14 @@ where
             for piece in &mut pieces {
                 let offset = piece.offset(*point);
                 if size(offset) < piece.reach {
-                    piece.vertices.push(vertex as u32);
+                    piece.vertices.push(vertex);
                     piece.positions.push(offset.map(|x| x as f32));
                 }
             }
         }
         Ok(())
     })?;
-    fill(&mut pieces, triangles, context)?;
+    fill::<I>(&mut pieces, triangles, context)?;
     Ok(pieces)
 }
 
@@ -187,13 +188,17 @@ where
 }
 
 /// Gives pieces their triangles, and locks what others have.
-fn fill(pieces: &mut [Piece], triangles: &Column<[u32; 3]>, context: &Context<'_>) -> Result<(), BuildError> {
+fn fill<I: Id>(
+    pieces: &mut [Piece],
+    triangles: &Column<[I; 3]>,
+    context: &Context<'_>,
+) -> Result<(), BuildError> {
     let mut filter = vec![0u64; 1 << (FILTER_BITS - 6)];
-    let bit = |vertex: u32| {
-        let hash = vertex.wrapping_mul(0x9e37_79b1) >> (32 - FILTER_BITS);
+    let bit = |vertex: usize| {
+        let hash = (vertex as u32).wrapping_mul(0x9e37_79b1) >> (32 - FILTER_BITS);
         ((hash / 64) as usize, 1u64 << (hash % 64))
     };
-    let mut members: HashMap<u32, u16> = HashMap::new();
+    let mut members: HashMap<usize, u16> = HashMap::new();
     for (number, piece) in pieces.iter_mut().enumerate() {
         piece.locked.resize(piece.vertices.len(), false);
         for vertex in &piece.vertices {
@@ -202,13 +207,14 @@ fn fill(pieces: &mut [Piece], triangles: &Column<[u32; 3]>, context: &Context<'_
             *members.entry(*vertex).or_default() |= 1 << number;
         }
     }
-    let of = |vertex: u32| {
+    let of = |vertex: usize| {
         let (word, mask) = bit(vertex);
         if filter[word] & mask == 0 { 0 } else { members.get(&vertex).copied().unwrap_or(0) }
     };
 
     each(triangles, context, |_, triangles| {
         for triangle in triangles {
+            let triangle = triangle.map(Id::index);
             let masks = triangle.map(of);
             let mut any = masks[0] | masks[1] | masks[2];
             while any != 0 {

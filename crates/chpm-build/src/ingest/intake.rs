@@ -1,12 +1,13 @@
 //! Intake: what a source has becomes arrays while it is read. One thread reads, and those of the pool note facts and store, a round of batches at
 //! a time: so what the system does for memory that is touched for the first time is shared, too.
 
-use super::TRIANGLES;
 use super::texels::Texels;
+use super::triangles::TriangleWriter;
 use super::used::Used;
 use crate::allowance;
 use crate::context::Context;
 use crate::error::BuildError;
+use crate::ids::Id;
 use crate::trace::Phase;
 use crate::vertex_columns::{POSITIONS, VertexWriter};
 use chpm_extmem::{BufferWriter, Store};
@@ -22,7 +23,7 @@ pub(super) struct Arrays {
     /// Positions are here or in `doubles`.
     pub(super) vertices: VertexWriter,
     pub(super) doubles: BufferWriter<[f64; 3]>,
-    pub(super) triangles: BufferWriter<[u32; 3]>,
+    pub(super) triangles: TriangleWriter,
     pub(super) polygons: KeptPolygons,
     /// Of formats that give them to corners.
     pub(super) corner_normals: Option<CornerNormals>,
@@ -53,8 +54,9 @@ impl Arrays {
         input: &Input,
         source_len: u64,
         kept: Attributes,
-        store: &Store,
+        context: &Context<'_>,
     ) -> Result<Self, BuildError> {
+        let store = &context.store;
         let format = input.vertex_format();
         // A header may promise more than the file holds: no array starts larger than the source could fill.
         let (vertices, faces) = input.declared().unwrap_or((0, 0));
@@ -73,7 +75,7 @@ impl Arrays {
         Ok(Arrays {
             vertices: VertexWriter::new(store, format.attributes, vertices, singles)?,
             doubles: BufferWriter::new(store, POSITIONS, doubles)?,
-            triangles: BufferWriter::new(store, TRIANGLES, faces)?,
+            triangles: TriangleWriter::new(context.ids, store, faces)?,
             polygons: KeptPolygons::new(store)?,
             corner_normals: None,
             texels: None,
@@ -104,7 +106,7 @@ impl Arrays {
             let taken = rounds.iter().try_for_each(|round| {
                 context.check()?;
                 marks.take(&round, phase)?;
-                self.take(&round, phase)?;
+                self.take(&round, context, phase)?;
                 // Whoever reads may have ended.
                 round.into_iter().for_each(|batch| drop(empty.send(batch)));
                 Ok(())
@@ -116,14 +118,17 @@ impl Arrays {
         })
     }
 
-    fn take(&mut self, round: &[Batch], phase: Phase<'_>) -> Result<(), BuildError> {
+    fn take(&mut self, round: &[Batch], context: &Context<'_>, phase: Phase<'_>) -> Result<(), BuildError> {
         let mut count = self.vertices.len() + self.doubles.len();
         let vertices: Vec<_> = round.iter().map(|batch| batch.vertices.view()).collect();
         self.vertices.extend_from_slices(&vertices, phase)?;
         let doubles: Vec<_> = round.iter().map(|batch| &batch.positions_f64[..]).collect();
         self.doubles.extend_from_slices(&doubles, || phase.task("store"))?;
-        let triangles: Vec<_> = round.iter().map(|batch| &batch.triangles[..]).collect();
-        self.triangles.extend_from_slices(&triangles, || phase.task("store"))?;
+        // A face may come before its vertices.
+        let based = round.iter().map(|batch| batch.base as usize).max().filter(|base| *base > 0);
+        let most = based.map_or(0, |base| base + u32::MOST).max(self.vertices.len() + self.doubles.len());
+        self.triangles.fit(most, context)?;
+        self.triangles.extend(round, phase)?;
 
         for batch in round {
             count += batch.vertices.positions.len() + batch.positions_f64.len();
@@ -200,7 +205,7 @@ impl Marks {
         let used = &self.used;
         let boxes = round.par_iter().map(|batch| {
             let _traced = phase.task("mark");
-            used.mark(&batch.triangles);
+            used.mark(&batch.triangles, batch.base as usize);
             Aabb::of_points(&batch.vertices.positions)
         });
         // One after another, as a box about all would grow.

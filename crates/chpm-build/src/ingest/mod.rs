@@ -9,23 +9,26 @@ mod local;
 mod painted;
 mod small;
 mod texels;
+mod triangles;
 mod used;
 
 use crate::config::{Normals, Positions, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
+use crate::ids::{Id, Triangles, with_ids};
 use crate::report::SmallComponents;
 use crate::vertex_columns::VertexColumns;
 use bytemuck::Pod;
 use chpm_extmem::{Cached, Column};
 use chpm_format::Source as Provenance;
-use chpm_import::ply::{Invalid, Options, SourceLocation, Tally};
-use chpm_import::{Beside, Input, SourceError, SourceInfo, Supply};
+use chpm_import::ply::{Coordinates, Invalid, Options, SourceLocation, Tally};
+use chpm_import::{Beside, CornerNormals, Input, SourceError, SourceInfo, Supply};
 use chpm_mesh::{Aabb, Attributes, Scalar, scalar_places};
 use intake::{Arrays, Far, Marks};
 use local::Local;
 pub(crate) use painted::{Painted, Wedge, place_of};
 use serde::{Deserialize, Serialize};
+use texels::Texels;
 use used::Used;
 
 /// The validated source.
@@ -33,7 +36,7 @@ use used::Used;
 pub(crate) struct Source {
     /// Positions are relative to the origin.
     pub(crate) vertices: VertexColumns,
-    pub(crate) triangles: Column<[u32; 3]>,
+    pub(crate) triangles: Triangles,
     /// Of the vertices that faces use, as all that follows.
     pub(crate) bounds: Aabb,
     /// By how much a coordinate was changed at most: what errors start from. Zero for f32 sources that are on no lattice.
@@ -76,18 +79,19 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
         colors: settings.colors,
         keep: settings.scalars.clone(),
         images: settings.images(),
+        wide: true,
     };
     let mut input = Input::of(supply, options, &context.store, &context.cancel)?;
     let format = input.vertex_format();
     let is_double = format.coordinates.are_double();
-    let mut scalars = input.scalars().to_vec();
+    let scalars = input.scalars().to_vec();
     let is_missing = |name: &&String| scalars.iter().all(|scalar| scalar.name != **name);
     if let Some(name) = settings.scalars.names.iter().find(is_missing) {
         return Err(BuildError::NoScalar { path: supply.path.clone(), name: name.clone() });
     }
 
     let kept = kept(format.attributes, settings);
-    let mut arrays = Arrays::expecting(&input, supply.len(), kept, &context.store)?;
+    let mut arrays = Arrays::expecting(&input, supply.len(), kept, context)?;
     arrays.keeps_wedges = settings.makes_sheets();
     let mut marks = Marks::new(&context.store)?;
     arrays.fill(&mut marks, &mut input, context)?;
@@ -97,94 +101,129 @@ pub(crate) fn run(supply: &Supply, settings: &Settings, context: &Context<'_>) -
     // Polygons are cut last, since their corners' positions may come after them.
     let mut read = input.finish()?;
     let count = vertices.len() + doubles.len();
-    let (mut vertices, doubles) = (vertices.finish()?, doubles.finish_column()?);
+    let (vertices, doubles) = (vertices.finish()?, doubles.finish_column()?);
     let mut take = |more: &[[u32; 3]]| {
         used.add(more, count)?;
-        Ok(triangles.extend_from_slice(more)?)
+        triangles.push(more)
     };
     read.tally.degenerate_faces += match is_double {
         true => polygons.cut(&context.cancel, places(&doubles), &mut take)?,
         false => polygons.cut(&context.cancel, places(&vertices.positions), &mut take)?,
     };
-    if triangles.is_empty() {
-        // So far from zero, corners that differ may have become one.
-        refuse_far(&far.finish_column()?, |_| true, supply, &read, context)?;
-        let path = supply.path.clone();
-        return Err(BuildError::Empty { path, faces: read.face_count, left_out: read.warnings });
+    let (coordinates, far) = (format.coordinates, far.finish_column()?);
+    let came =
+        Came { vertices, doubles, coordinates, scalars, used, bounds, far, corner_normals, texels, read };
+    with_ids!(triangles.finish()?, triangles => came.finish(triangles, supply, settings, context))
+}
+
+/// All that a source has but its triangles.
+struct Came {
+    vertices: VertexColumns,
+    doubles: Column<[f64; 3]>,
+    coordinates: Coordinates,
+    scalars: Vec<Scalar>,
+    used: Used,
+    bounds: Aabb,
+    far: Column<Far>,
+    corner_normals: Option<CornerNormals>,
+    texels: Option<Texels>,
+    read: SourceInfo,
+}
+
+impl Came {
+    /// The source, with its triangles.
+    fn finish<I: Id>(
+        self,
+        triangles: Column<[I; 3]>,
+        supply: &Supply,
+        settings: &Settings,
+        context: &Context<'_>,
+    ) -> Result<Source, BuildError> {
+        let Came { mut vertices, doubles, coordinates, mut scalars, .. } = self;
+        let Came { mut used, bounds, far, corner_normals, texels, read, .. } = self;
+        let (is_double, count) = (coordinates.are_double(), vertices.positions.len() + doubles.len());
+        if triangles.is_empty() {
+            // So far from zero, corners that differ may have become one.
+            refuse_far(&far, |_| true, supply, &read, context)?;
+            let path = supply.path.clone();
+            return Err(BuildError::Empty { path, faces: read.face_count, left_out: read.warnings });
+        }
+
+        // Only now is it known which vertices faces use; the others may lie anywhere.
+        used.complete(&triangles, count, context)?;
+        refuse_far(&far, |vertex| used.contains(vertex), supply, &read, context)?;
+
+        let (corner_normals, of_normals) = match corner_normals {
+            Some(normals) => normals.join(count, &context.store, &context.cancel)?,
+            None => (None, None),
+        };
+        vertices.normals = vertices.normals.or(corner_normals);
+        let (mut images, mut wedges) = (None, None);
+        if let (Some(mut texels), Some(textures)) = (texels, &read.textures) {
+            wedges = texels
+                .kept(textures, supply, context)?
+                .map(|(triangles, tiles)| (triangles, tiles, textures.materials.clone()));
+            let own = vertices.colors.as_ref();
+            let tiles = wedges.as_ref().map(|(_, tiles, _)| tiles);
+            vertices.colors = Some(texels.finish(textures, tiles, own, count, supply, context)?);
+            images = Some(textures.images.len() as u64);
+        }
+
+        let mut columns = Columns { vertices, doubles, triangles, used, bounds };
+        let mut small = None;
+        if let Some(size) = settings.min_component {
+            let (textured, rest) =
+                wedges.map(|(triangles, tiles, materials)| (triangles, (tiles, materials))).unzip();
+            let ((left, textured), counts) =
+                small::leave_out(columns, textured, size, &supply.path, context)?;
+            (columns, small) = (left, Some(counts));
+            wedges = textured.zip(rest).map(|(triangles, (tiles, materials))| (triangles, tiles, materials));
+        }
+
+        ranges(&mut scalars, &columns, context)?;
+
+        // From here on positions are singles, relative to the origin.
+        let Columns { mut vertices, doubles, triangles, used, bounds } = columns;
+        let bits = match (settings.positions, is_double) {
+            (Positions::Exact, _) => None,
+            (Positions::Lattice(bits), _) => Some(bits),
+            (Positions::Auto, true) => detail::bits(&doubles, &triangles, &used, settings, context)?,
+            (Positions::Auto, false) => {
+                detail::bits(&vertices.positions, &triangles, &used, settings, context)?
+            }
+        };
+        let local = match (bits, is_double) {
+            (None, true) => local::doubles(doubles, coordinates, &used, context),
+            (None, false) => local::singles(vertices.positions, bounds, &used, context),
+            (Some(bits), true) => lattice::round(&doubles, bits, &used, context),
+            (Some(bits), false) => lattice::round(&vertices.positions, bits, &used, context),
+        };
+        let Local { positions, bounds, origin, rounding, lattice_step, warning } = local?;
+        vertices.positions = positions;
+        let painted = wedges.map(|(triangles, tiles, materials)| {
+            Painted::new(&triangles, &vertices.positions, materials, tiles, context)
+        });
+        let painted = painted.transpose()?;
+        let leaf_triangles =
+            painted.as_ref().and_then(|painted| settings.triangles_for(painted.texels, painted.count()));
+        let provenance = provenance(&read);
+        let SourceInfo { tally, mut warnings, .. } = read;
+        warnings.extend(warning);
+        warnings.extend(of_normals);
+        warnings.extend(painted.as_ref().and_then(Painted::warning));
+        let facts = SourceFacts {
+            origin,
+            lattice_step,
+            tally,
+            small,
+            warnings,
+            provenance,
+            scalars,
+            images,
+            leaf_triangles,
+        };
+        Ok(Source { vertices, triangles: I::triangles(triangles), bounds, rounding, facts, painted })
     }
-    let triangles = triangles.finish_column()?;
-
-    // Only now is it known which vertices faces use; the others may lie anywhere.
-    used.complete(&triangles, count, context)?;
-    refuse_far(&far.finish_column()?, |vertex| used.contains(vertex), supply, &read, context)?;
-
-    let (corner_normals, of_normals) = match corner_normals {
-        Some(normals) => normals.join(count, &context.store, &context.cancel)?,
-        None => (None, None),
-    };
-    vertices.normals = vertices.normals.or(corner_normals);
-    let (mut images, mut wedges) = (None, None);
-    if let (Some(mut texels), Some(textures)) = (texels, &read.textures) {
-        wedges = texels
-            .kept(textures, supply, context)?
-            .map(|(triangles, tiles)| (triangles, tiles, textures.materials.clone()));
-        let own = vertices.colors.as_ref();
-        let tiles = wedges.as_ref().map(|(_, tiles, _)| tiles);
-        vertices.colors = Some(texels.finish(textures, tiles, own, count, supply, context)?);
-        images = Some(textures.images.len() as u64);
-    }
-
-    let mut columns = Columns { vertices, doubles, triangles, used, bounds };
-    let mut small = None;
-    if let Some(size) = settings.min_component {
-        let (textured, rest) =
-            wedges.map(|(triangles, tiles, materials)| (triangles, (tiles, materials))).unzip();
-        let ((left, textured), counts) = small::leave_out(columns, textured, size, &supply.path, context)?;
-        (columns, small) = (left, Some(counts));
-        wedges = textured.zip(rest).map(|(triangles, (tiles, materials))| (triangles, tiles, materials));
-    }
-
-    ranges(&mut scalars, &columns, context)?;
-
-    // From here on positions are singles, relative to the origin.
-    let Columns { mut vertices, doubles, triangles, used, bounds } = columns;
-    let bits = match (settings.positions, is_double) {
-        (Positions::Exact, _) => None,
-        (Positions::Lattice(bits), _) => Some(bits),
-        (Positions::Auto, true) => detail::bits(&doubles, &triangles, &used, settings, context)?,
-        (Positions::Auto, false) => detail::bits(&vertices.positions, &triangles, &used, settings, context)?,
-    };
-    let local = match (bits, is_double) {
-        (None, true) => local::doubles(doubles, format.coordinates, &used, context),
-        (None, false) => local::singles(vertices.positions, bounds, &used, context),
-        (Some(bits), true) => lattice::round(&doubles, bits, &used, context),
-        (Some(bits), false) => lattice::round(&vertices.positions, bits, &used, context),
-    };
-    let Local { positions, bounds, origin, rounding, lattice_step, warning } = local?;
-    vertices.positions = positions;
-    let painted = wedges.map(|(triangles, tiles, materials)| {
-        Painted::new(&triangles, &vertices.positions, materials, tiles, context)
-    });
-    let painted = painted.transpose()?;
-    let leaf_triangles =
-        painted.as_ref().and_then(|painted| settings.triangles_for(painted.texels, painted.count()));
-    let provenance = provenance(&read);
-    let SourceInfo { tally, mut warnings, .. } = read;
-    warnings.extend(warning);
-    warnings.extend(of_normals);
-    warnings.extend(painted.as_ref().and_then(Painted::warning));
-    let facts = SourceFacts {
-        origin,
-        lattice_step,
-        tally,
-        small,
-        warnings,
-        provenance,
-        scalars,
-        images,
-        leaf_triangles,
-    };
-    Ok(Source { vertices, triangles, bounds, rounding, facts, painted })
 }
 
 /// Where vertices are, as the file has them.
@@ -200,7 +239,11 @@ fn places<T: Pod + Into<f64>>(positions: &Column<[T; 3]>) -> impl FnMut(u32) -> 
 }
 
 /// Finds the range of each scalar, among the vertices that faces use.
-fn ranges(scalars: &mut [Scalar], columns: &Columns, context: &Context<'_>) -> Result<(), BuildError> {
+fn ranges<I: Id>(
+    scalars: &mut [Scalar],
+    columns: &Columns<I>,
+    context: &Context<'_>,
+) -> Result<(), BuildError> {
     const STEP: usize = 1 << 16;
     let Columns { vertices, used, .. } = columns;
     let (count, words) = (vertices.scalars.first().map_or(0, Column::len), vertices.scalars.len());
@@ -225,11 +268,11 @@ pub(crate) fn kept(read: Attributes, settings: &Settings) -> Attributes {
 }
 
 /// The arrays when all has come.
-struct Columns {
+struct Columns<I: Id> {
     /// Positions are here or in `doubles`.
     vertices: VertexColumns,
     doubles: Column<[f64; 3]>,
-    triangles: Column<[u32; 3]>,
+    triangles: Column<[I; 3]>,
     used: Used,
     /// Of all singles.
     bounds: Aabb,

@@ -10,6 +10,7 @@ use super::{Columns, TRIANGLES};
 use crate::config::Length;
 use crate::context::Context;
 use crate::error::BuildError;
+use crate::ids::Id;
 use crate::join;
 use crate::report::SmallComponents;
 use crate::vertex_columns::{ColumnMap, POSITIONS};
@@ -25,20 +26,18 @@ const SLICE: usize = 1 << 18;
 const BLOCK: usize = 1 << 13;
 /// Vertices whose boxes are put together before they go to a slice.
 const RECENT: usize = 1 << 10;
-/// The number of a vertex that is left out.
-const GONE: u32 = u32::MAX;
 
 /// Arrays of what is left, and the textured ones of its triangles where these are kept.
-type Left = (Columns, Option<Column<TexturedTriangle>>);
+type Left<I> = (Columns<I>, Option<Column<TexturedTriangle>>);
 
 /// Leaves out the components that are smaller than `size`, and counts them.
-pub(super) fn leave_out(
-    columns: Columns,
+pub(super) fn leave_out<I: Id>(
+    columns: Columns<I>,
     textured: Option<Column<TexturedTriangle>>,
     size: Length,
     path: &Path,
     context: &Context<'_>,
-) -> Result<(Left, SmallComponents), BuildError> {
+) -> Result<(Left<I>, SmallComponents), BuildError> {
     let Columns { vertices, doubles, triangles, used, .. } = &columns;
     let singles = &vertices.positions;
     let before = triangles.len();
@@ -52,7 +51,7 @@ pub(super) fn leave_out(
 
     // Triangles first, by their old corners; then everything gets its new number.
     let Columns { vertices, doubles, triangles, .. } = columns;
-    let stays = |[a, _, _]: &[u32; 3]| kept.contains(*a as usize);
+    let stays = |[a, _, _]: &[I; 3]| kept.contains(a.index());
     let mut triangles = filtered(triangles, TRIANGLES, context, |_, some, out| {
         out.extend(some.iter().filter(|triangle| stays(triangle)));
         Ok(())
@@ -76,10 +75,10 @@ pub(super) fn leave_out(
 }
 
 /// The textured triangles that stay, with the new numbers of their vertices.
-fn renumbered(
+fn renumbered<I: Id>(
     textured: Column<TexturedTriangle>,
     kept: &Used,
-    numbers: &Column<u32>,
+    numbers: &Column<I>,
     context: &Context<'_>,
 ) -> Result<Column<TexturedTriangle>, BuildError> {
     const NAME: &str = "textured triangles";
@@ -92,7 +91,7 @@ fn renumbered(
     let mut block = Vec::new();
     each(&textured, context, |_, some| {
         block.clear();
-        block.extend(some.iter().map(|triangle| triangle.vertices));
+        block.extend(some.iter().map(|triangle| triangle.vertices.map(|vertex| I::of(vertex as usize))));
         Ok(corners.extend_from_slice(&block)?)
     })?;
     let mut corners = corners.finish_column()?;
@@ -103,19 +102,20 @@ fn renumbered(
         out.extend(
             some.iter()
                 .zip(corners)
-                .map(|(triangle, vertices)| TexturedTriangle { vertices: *vertices, ..*triangle }),
+                .map(|(triangle, ids)| (triangle, ids.map(|id| id.index() as u32)))
+                .map(|(triangle, vertices)| TexturedTriangle { vertices, ..*triangle }),
         );
         Ok(())
     })
 }
 
 /// Vertices that stay: those that have a number.
-struct Kept<'a> {
-    numbers: &'a Column<u32>,
+struct Kept<'a, I: Id> {
+    numbers: &'a Column<I>,
     context: &'a Context<'a>,
 }
 
-impl ColumnMap for Kept<'_> {
+impl<I: Id> ColumnMap for Kept<'_, I> {
     fn map<T: Pod + Send + Sync>(
         &self,
         items: Column<T>,
@@ -125,7 +125,7 @@ impl ColumnMap for Kept<'_> {
         filtered(items, what, self.context, |first, some, out| {
             let numbers = self.numbers.read(first..first + some.len(), &mut scratch)?;
             out.extend(
-                some.iter().zip(numbers).filter(|(_, number)| **number != GONE).map(|(item, _)| *item),
+                some.iter().zip(numbers).filter(|(_, number)| **number != I::NONE).map(|(item, _)| *item),
             );
             Ok(())
         })
@@ -149,16 +149,16 @@ fn filtered<T: Pod>(
 }
 
 /// A mesh as its source has it.
-struct Mesh<'a, T: Pod> {
+struct Mesh<'a, T: Pod, I: Id> {
     path: &'a Path,
     positions: &'a Column<[T; 3]>,
-    triangles: &'a Column<[u32; 3]>,
+    triangles: &'a Column<[I; 3]>,
     used: &'a Used,
 }
 
-impl<T: Pod + Into<f64>> Mesh<'_, T> {
-    /// By vertex its new number or [`GONE`], the vertices of the components that stay, and how many do not.
-    fn sort_out(&self, size: Length, context: &Context<'_>) -> Result<(Column<u32>, Used, u64), BuildError> {
+impl<T: Pod + Into<f64>, I: Id> Mesh<'_, T, I> {
+    /// By vertex its new number or [`Id::NONE`], the vertices of the components that stay, and how many do not.
+    fn sort_out(&self, size: Length, context: &Context<'_>) -> Result<(Column<I>, Used, u64), BuildError> {
         let links = components::links(self.triangles, self.positions.len(), context)?;
         let least = size.of(self.whole(context)?.size());
         let mut kept = Used::none(self.positions.len(), &context.store)?;
@@ -181,7 +181,7 @@ impl<T: Pod + Into<f64>> Mesh<'_, T> {
     fn judge(
         &self,
         least: f64,
-        links: &Column<u32>,
+        links: &Column<I>,
         kept: &mut Used,
         context: &Context<'_>,
     ) -> Result<u64, BuildError> {
@@ -219,7 +219,7 @@ impl<T: Pod + Into<f64>> Mesh<'_, T> {
             let ups = links.read(range.clone(), &mut ups)?;
             for vertex in range.rev().filter(|vertex| self.used.contains(*vertex)) {
                 let at = vertex - first;
-                let up = ups[at] as usize;
+                let up = ups[at].index();
                 let mut extent = extents[at];
                 extent.add(&Extent::of(points[at]));
                 if up == vertex {
@@ -253,21 +253,21 @@ impl<T: Pod + Into<f64>> Mesh<'_, T> {
     /// uses.
     fn number(
         &self,
-        links: Column<u32>,
+        links: Column<I>,
         kept: &mut Used,
         context: &Context<'_>,
-    ) -> Result<Column<u32>, BuildError> {
+    ) -> Result<Column<I>, BuildError> {
         let mut numbers = BufferWriter::new(&context.store, "numbers of vertices", links.len())?;
         let (mut next, mut some) = (0, Vec::new());
         each(&links, context, |first, links| {
             some.clear();
             for (vertex, link) in (first..).zip(links) {
-                if kept.contains(*link as usize) {
+                if kept.contains(link.index()) {
                     kept.insert(vertex);
                 }
                 let stays = kept.contains(vertex) || !self.used.contains(vertex);
-                some.push(if stays { next } else { GONE });
-                next += u32::from(stays);
+                some.push(if stays { I::of(next) } else { I::NONE });
+                next += usize::from(stays);
             }
             Ok(numbers.extend_from_slice(&some)?)
         })?;

@@ -3,6 +3,7 @@
 use super::local::each;
 use crate::context::Context;
 use crate::error::BuildError;
+use crate::ids::Id;
 use chpm_extmem::{Column, Reservation, Store};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 
@@ -44,18 +45,19 @@ impl Used {
         Ok(())
     }
 
-    /// Takes triangles, from any thread.
-    pub(super) fn mark(&self, triangles: &[[u32; 3]]) {
-        if triangles.as_flattened().iter().fold(false, |partial, v| partial | !self.insert(*v as usize)) {
+    /// Takes triangles, whose vertices count from `base` on, from any thread.
+    pub(super) fn mark<I: Id>(&self, triangles: &[[I; 3]], base: usize) {
+        let corners = triangles.as_flattened().iter();
+        if corners.fold(false, |partial, v| partial | !self.insert(base + v.index())) {
             self.is_partial.store(true, Relaxed);
         }
     }
 
     /// Takes triangles of the vertices up to now.
-    pub(super) fn add(&mut self, triangles: &[[u32; 3]], vertices: usize) -> Result<(), BuildError> {
+    pub(super) fn add<I: Id>(&mut self, triangles: &[[I; 3]], vertices: usize) -> Result<(), BuildError> {
         if !triangles.is_empty() {
             self.expect(vertices)?;
-            self.mark(triangles);
+            self.mark(triangles, 0);
         }
         Ok(())
     }
@@ -72,9 +74,9 @@ impl Used {
     }
 
     /// Looks again at all triangles if some came before their vertices, now that all have come.
-    pub(super) fn complete(
+    pub(super) fn complete<I: Id>(
         &mut self,
-        triangles: &Column<[u32; 3]>,
+        triangles: &Column<[I; 3]>,
         vertices: usize,
         context: &Context<'_>,
     ) -> Result<(), BuildError> {

@@ -7,6 +7,8 @@
 mod folder;
 mod job;
 mod step;
+#[cfg(test)]
+mod tests;
 mod work;
 
 pub use step::{MOST_PARTS, Share, Step};

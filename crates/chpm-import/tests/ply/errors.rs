@@ -14,6 +14,7 @@ const DROP: Options = Options {
     colors: true,
     keep: Keep { all: false, names: Vec::new() },
     images: Images::Ignored,
+    wide: false,
 };
 
 /// Four vertices and four triangles as text; line 10 is the first vertex.

@@ -67,7 +67,7 @@ impl Source {
     ) -> Result<Self, VerifyError> {
         let invalid = if drops { Invalid::Drop } else { Invalid::Refuse };
         let keep = Keep { all: false, names: scalars };
-        let options = Options { invalid, normals: false, colors: false, keep, images: Images::Ignored };
+        let options = Options { invalid, normals: false, colors: false, keep, ..Options::default() };
         let mut input = Input::open(path, options, store, cancel)?;
         let coordinates = input.vertex_format().coordinates;
         let words = usize::from(input.vertex_format().attributes.scalar_words);

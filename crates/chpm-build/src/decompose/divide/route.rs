@@ -7,6 +7,7 @@ use super::BLOCKS;
 use super::step::Step;
 use crate::context::Context;
 use crate::error::BuildError;
+use crate::ids::Id;
 use chpm_extmem::{Buckets, Column, Store};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -15,13 +16,13 @@ use std::ops::Range;
 const ROUTED: usize = 1 << 16;
 
 /// Triangles by region, and who visits whom.
-pub(crate) struct Routed {
+pub(crate) struct Routed<I: Id> {
     /// In the order of the source.
-    pub(crate) triangles: Buckets<[u32; 3]>,
+    pub(crate) triangles: Buckets<[I; 3]>,
     /// By home, which regions use its vertices: vertex and region.
-    pub(crate) visits: Buckets<[u32; 2]>,
+    pub(crate) visits: Buckets<[I; 2]>,
     /// Visits that come soon again are there once.
-    known: Sieve,
+    known: Sieve<I>,
     /// By home, how many corners its triangles have from others.
     pub(crate) uses: Vec<u64>,
     /// By home: whether its triangles were sent to regions of their own.
@@ -30,7 +31,7 @@ pub(crate) struct Routed {
     pub(crate) copies: u64,
 }
 
-impl Routed {
+impl<I: Id> Routed<I> {
     /// None so far, on the way to so many regions.
     pub(crate) fn new(homes: usize, store: &Store) -> Self {
         let block = block(homes);
@@ -59,14 +60,14 @@ impl Routed {
     /// and what each has for a region goes there in their order. What a range has does not depend on what other ranges there are.
     pub(crate) fn take(
         &mut self,
-        triangles: &Column<[u32; 3]>,
+        triangles: &Column<[I; 3]>,
         range: Range<usize>,
         homes: &Homes,
         context: &Context<'_>,
     ) -> Result<(), BuildError> {
         let mut sieve = Sieve::behind(triangles, range.start)?;
         let [sifting, joining, sorting, appending, visiting] = [(); 5].map(|()| context.trace.phase());
-        let mut steps: Vec<Step> = (0..rayon::current_num_threads()).map(|_| Step::default()).collect();
+        let mut steps: Vec<Step<I>> = (0..rayon::current_num_threads()).map(|_| Step::default()).collect();
         let starts: Vec<usize> = range.clone().step_by(ROUTED).collect();
         for starts in starts.chunks(steps.len()) {
             let steps = &mut steps[..starts.len()];
@@ -100,9 +101,9 @@ impl Routed {
     }
 
     /// Notes that a region uses a vertex of a home.
-    pub(super) fn visit(&mut self, home: u32, vertex: u32, region: usize) -> Result<(), BuildError> {
-        if self.known.is_new([vertex, region as u32, u32::MAX]) {
-            self.visits.push(home as usize, [vertex, region as u32])?;
+    pub(super) fn visit(&mut self, home: u32, vertex: I, region: usize) -> Result<(), BuildError> {
+        if self.known.is_new([vertex, I::of(region), I::NONE]) {
+            self.visits.push(home as usize, [vertex, I::of(region)])?;
         }
         Ok(())
     }

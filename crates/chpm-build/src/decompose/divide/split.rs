@@ -6,6 +6,7 @@ use super::route::Routed;
 use crate::config::Settings;
 use crate::context::Context;
 use crate::error::BuildError;
+use crate::ids::Id;
 
 /// Ranges that triangles are counted in.
 const BINS: usize = 1 << 16;
@@ -21,7 +22,7 @@ pub(crate) fn is_too_large(triangles: u64, uses: u64, settings: &Settings) -> bo
     TRIANGLE_COST * triangles + VERTEX_COST * uses > limit(settings)
 }
 
-impl Routed {
+impl<I: Id> Routed<I> {
     /// Sends the triangles of regions that are too large to regions of their own, which have no vertices at home.
     pub(crate) fn split(
         &mut self,
@@ -77,7 +78,7 @@ impl Routed {
                 let region = pieces[bin(triangle, end)];
                 self.triangles.push(region, *triangle)?;
                 for vertex in triangle {
-                    self.visit(homes.of(*vertex), *vertex, region)?;
+                    self.visit(homes.of(vertex.index()), *vertex, region)?;
                 }
             }
         }
@@ -88,7 +89,7 @@ impl Routed {
     }
 }
 
-fn bin(triangle: &[u32; 3], end: u64) -> usize {
-    let sum: u64 = triangle.iter().map(|v| u64::from(*v)).sum();
+fn bin<I: Id>(triangle: &[I; 3], end: u64) -> usize {
+    let sum: u64 = triangle.iter().map(|v| v.index() as u64).sum();
     (sum * BINS as u64 / end) as usize
 }

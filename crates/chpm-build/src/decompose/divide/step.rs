@@ -4,30 +4,38 @@ use super::super::copies::{Sieve, Sifted};
 use super::super::homes::Homes;
 use super::super::load::majority;
 use crate::error::BuildError;
+use crate::ids::Id;
 use crate::trace::Phase;
 use chpm_extmem::Column;
 use std::ops::Range;
 
 /// Triangles in a row, and then those that are no copies by region, in the order of the source.
-#[derive(Default)]
-pub(super) struct Step {
-    triangles: Vec<[u32; 3]>,
-    sifted: Sifted,
+pub(super) struct Step<I: Id> {
+    triangles: Vec<[I; 3]>,
+    sifted: Sifted<I>,
     regions: Vec<u32>,
-    sorted: Vec<[u32; 3]>,
+    sorted: Vec<[I; 3]>,
     /// By region, where its triangles end.
     ends: Vec<u32>,
     /// Corners that a region has from others: the home of the vertex, the vertex, the region; ascending, each there once.
-    visiting: Vec<[u32; 3]>,
+    visiting: Vec<(u32, [I; 2])>,
     /// By home, where they end.
     visit_ends: Vec<u32>,
     /// By region, how many corners it has from others.
     pub(super) uses: Vec<u64>,
 }
 
-impl Step {
+impl<I: Id> Default for Step<I> {
+    fn default() -> Self {
+        let (triangles, sifted, regions, sorted) = Default::default();
+        let (ends, visiting, visit_ends, uses) = Default::default();
+        Step { triangles, sifted, regions, sorted, ends, visiting, visit_ends, uses }
+    }
+}
+
+impl<I: Id> Step<I> {
     /// Takes triangles, and sifts them by themselves.
-    pub(super) fn read(&mut self, from: &Column<[u32; 3]>, range: Range<usize>) -> Result<(), BuildError> {
+    pub(super) fn read(&mut self, from: &Column<[I; 3]>, range: Range<usize>) -> Result<(), BuildError> {
         match from.as_slice() {
             Some(all) => {
                 self.triangles.clear();
@@ -42,7 +50,7 @@ impl Step {
     }
 
     /// Leaves out copies of what came before, in steps one after another.
-    pub(super) fn join(steps: &mut [Step], sieve: &mut Sieve, phase: Phase<'_>) {
+    pub(super) fn join(steps: &mut [Step<I>], sieve: &mut Sieve<I>, phase: Phase<'_>) {
         let pieces: Vec<_> = steps.iter().map(|step| (&step.triangles[..], &step.sifted)).collect();
         for (step, triangle) in sieve.join(&pieces, phase) {
             steps[step].sifted.leave_out(triangle);
@@ -58,7 +66,7 @@ impl Step {
         self.ends.clear();
         self.ends.resize(all.count() + 1, 0);
         for triangle in self.sifted.passing(&self.triangles) {
-            let homes = triangle.map(|v| all.of(v));
+            let homes = triangle.map(|v| all.of(v.index()));
             let region = majority(*triangle, homes);
             self.regions.push(region);
             self.ends[region as usize + 1] += 1;
@@ -66,7 +74,7 @@ impl Step {
             if homes != [region; 3] {
                 let others = triangle.iter().zip(homes).filter(|(_, home)| *home != region);
                 let before = self.visiting.len();
-                self.visiting.extend(others.map(|(vertex, home)| [home, *vertex, region]));
+                self.visiting.extend(others.map(|(vertex, home)| (home, [*vertex, I::of(region as usize)])));
                 self.uses[region as usize] += (self.visiting.len() - before) as u64;
             }
         }
@@ -75,7 +83,7 @@ impl Step {
         }
 
         // A counting sort: what is an end afterwards is a place until then.
-        self.sorted.resize(self.regions.len(), [0; 3]);
+        self.sorted.resize(self.regions.len(), [I::zeroed(); 3]);
         for (triangle, region) in self.sifted.passing(&self.triangles).zip(&self.regions) {
             let place = &mut self.ends[*region as usize];
             self.sorted[*place as usize] = *triangle;
@@ -89,19 +97,19 @@ impl Step {
         self.visiting.sort_unstable();
         self.visiting.dedup();
         self.visit_ends.clear();
-        let end = |home: usize| self.visiting.partition_point(|visit| visit[0] as usize <= home) as u32;
+        let end = |home: usize| self.visiting.partition_point(|visit| visit.0 as usize <= home) as u32;
         self.visit_ends.extend((0..homes).map(end));
     }
 
     /// The visits of a home's vertices: vertex and region.
-    pub(super) fn of_home(&self, home: usize) -> impl Iterator<Item = [u32; 2]> {
+    pub(super) fn of_home(&self, home: usize) -> impl Iterator<Item = [I; 2]> {
         let start = if home == 0 { 0 } else { self.visit_ends[home - 1] };
         let visiting = &self.visiting[start as usize..self.visit_ends[home] as usize];
-        visiting.iter().map(|[_, vertex, region]| [*vertex, *region])
+        visiting.iter().map(|(_, visit)| *visit)
     }
 
     /// The triangles of a region.
-    pub(super) fn of_region(&self, region: usize) -> &[[u32; 3]] {
+    pub(super) fn of_region(&self, region: usize) -> &[[I; 3]] {
         let start = if region == 0 { 0 } else { self.ends[region - 1] };
         &self.sorted[start as usize..self.ends[region] as usize]
     }
