@@ -5,7 +5,7 @@ use bytemuck::Pod;
 use chpm_extmem::{BufferWriter, Cancel, Column, Paged, Progress, Store};
 use chpm_format::{Chpm, Metadata};
 use chpm_import::ply::{Batch, BatchKind, Coordinates, Invalid, Keep, Options, Tally};
-use chpm_import::{Images, Input, KeptPolygons};
+use chpm_import::{Input, KeptPolygons};
 use std::path::Path;
 use xxhash_rust::xxh3::xxh3_64;
 
