@@ -21,7 +21,7 @@ mkdir -p "$packed/man" "$packed/completions"
 cp "$program" README.md CHANGELOG.md LICENSE-MIT LICENSE-APACHE "$packed"
 "$program" man --force "$packed/man" > /dev/null
 for shell in bash zsh fish powershell; do "$program" completions $shell > "$packed/completions/chpm.$shell"; done
-python3 packaging/notices.py Cargo.toml > "$packed/THIRD-PARTY-NOTICES"
+python3 packaging/notices.py Cargo.toml "$target" > "$packed/THIRD-PARTY-NOTICES"
 
 cd "$work"
 case $target in

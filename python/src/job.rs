@@ -1,10 +1,9 @@
 //! Long work beside Python: it runs in a thread of its own, and the one that asked for it looks after signals and tells progress.
 
 use crate::error::Failure;
+use crate::terminations::Terminations;
 use chpm_build::BuildProgress;
 use chpm_extmem::{Cancel, Progress};
-use nix::sys::signal::{SigSet, Signal, raise};
-use nix::sys::signalfd::{SfdFlags, SignalFd};
 use pyo3::prelude::*;
 use std::panic::resume_unwind;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -120,50 +119,5 @@ fn watch(
         if state.has_ended {
             return raised;
         }
-    }
-}
-
-/// SIGTERM, kept from this thread and those that it starts. METIS takes the signal over while it runs, and jumps out of the middle of itself
-/// in whatever thread has it.
-struct Terminations {
-    before: SigSet,
-    signals: SignalFd,
-    came: Mutex<bool>,
-}
-
-impl Terminations {
-    fn withhold() -> Result<Self, Failure> {
-        let mut mask = SigSet::empty();
-        mask.add(Signal::SIGTERM);
-        let failed = |error: nix::Error| Failure::Asked(format!("cannot look after signals: {error}"));
-        let signals = SignalFd::with_flags(&mask, SfdFlags::SFD_NONBLOCK | SfdFlags::SFD_CLOEXEC);
-        let signals = signals.map_err(failed)?;
-        let before = mask.thread_swap_mask(nix::sys::signal::SigmaskHow::SIG_BLOCK).map_err(failed)?;
-        Ok(Terminations { before, signals, came: Mutex::new(false) })
-    }
-
-    /// Whether one came.
-    fn is_any(&self) -> bool {
-        let mut came = self.came.lock().unwrap_or_else(PoisonError::into_inner);
-        *came |= matches!(self.signals.read_signal(), Ok(Some(_)));
-        *came
-    }
-
-    /// Lets the signal do what it would have done.
-    fn deliver(self) -> PyResult<()> {
-        let came = self.is_any();
-        drop(self);
-        if came {
-            let _ = raise(Signal::SIGTERM);
-            // Where Python has a handler, it runs now.
-            Python::attach(|py| py.check_signals())?;
-        }
-        Ok(())
-    }
-}
-
-impl Drop for Terminations {
-    fn drop(&mut self) {
-        let _ = self.before.thread_set_mask();
     }
 }

@@ -16,6 +16,7 @@ mod page;
 mod section;
 mod selection;
 mod settings;
+mod terminations;
 mod view;
 
 use pyo3::prelude::*;

@@ -1,6 +1,7 @@
 use super::harness::{Folder, root};
 use std::collections::BTreeSet;
-use std::fs;
+use std::fs::{self, Permissions};
+use std::os::unix::fs::PermissionsExt;
 use std::process::Command;
 use yaml_rust2::{Yaml, YamlLoader};
 
@@ -23,8 +24,12 @@ fn archives() -> BTreeSet<String> {
         let ending = if target.contains("windows") { "zip" } else { "tar.xz" };
         format!("chpm-{VERSION}-{target}.{ending}")
     };
-    let crates = [format!("chpm-{VERSION}.crate")];
-    programs.iter().map(name).chain(crates).collect()
+    let source = format!("chpm-{VERSION}.tar.gz");
+    assert!(
+        read(".github/workflows/release.yml").contains("dist/chpm-${GITHUB_REF_NAME#v}.tar.gz"),
+        "{source}"
+    );
+    programs.iter().map(name).chain([source]).collect()
 }
 
 /// Manifests name archives that a release has, with their checksums, and nothing in them is left to fill in.
@@ -77,6 +82,26 @@ fn a_manifest_has_the_checksum_of_its_archive() {
     assert_eq!(winget["Installers"][0]["InstallerSha256"].as_str(), Some(of_abc));
     let conda = yaml(&fs::read_to_string(folder.path("out/conda/recipe.yaml")).expect("a manifest"));
     assert_eq!(conda["source"]["sha256"].as_str(), Some(of_abc));
+}
+
+/// What Windows and macOS link is named in their archives: cargo is asked about the system that an archive is for.
+#[test]
+fn notices_are_of_the_system_that_an_archive_is_for() {
+    let folder = Folder::new();
+    folder.write("cargo", "#!/bin/sh\necho \"$@\" >&2\nexit 1\n");
+    fs::set_permissions(folder.path("cargo"), Permissions::from_mode(0o755)).expect("a script");
+    let asked = |target: &[&str]| {
+        let mut command = Command::new("python3");
+        let path = format!("{}:{}", folder.path("").display(), std::env::var("PATH").expect("a path"));
+        command.env("PATH", path).arg(root().join("packaging/notices.py")).arg("Cargo.toml").args(target);
+        String::from_utf8(command.output().expect("python3").stderr).expect("words")
+    };
+    assert!(asked(&["x86_64-pc-windows-msvc"]).contains("--filter-platform x86_64-pc-windows-msvc"));
+    assert!(asked(&[]).contains("--filter-platform x86_64-unknown-linux-gnu"));
+    assert!(read("packaging/archive.sh").contains("notices.py Cargo.toml \"$target\""));
+    assert!(
+        read(".github/workflows/release.yml").contains("notices.py python/Cargo.toml ${{ matrix.target }}")
+    );
 }
 
 /// What workflows and the container run of this project is there.
