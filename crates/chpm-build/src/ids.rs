@@ -1,9 +1,7 @@
 //! Numbers of a source's vertices: of 32 bits, or of 64 where there are more. All that counts the whole of a source goes by [`Id`]; within a region
 //! numbers have 32 bits.
 
-use bytemuck::Pod;
-#[cfg(test)]
-use bytemuck::Zeroable;
+use bytemuck::{Pod, Zeroable};
 use chpm_extmem::Column;
 use serde::{Deserialize, Serialize};
 use std::fmt::Debug;
@@ -64,63 +62,39 @@ impl Id for u32 {
     }
 }
 
-impl Id for u64 {
-    const IDS: Ids = Ids::Wide;
-    const NONE: u64 = u64::MAX;
-    const MOST: usize = usize::MAX;
-
-    #[inline]
-    fn of(index: usize) -> u64 {
-        index as u64
-    }
-
-    #[inline]
-    fn index(self) -> usize {
-        self as usize
-    }
-
-    #[inline]
-    fn bits(self) -> u64 {
-        self
-    }
-
-    fn triangles(triangles: Column<[u64; 3]>) -> Triangles {
-        Triangles::Wide(triangles)
-    }
-}
-
-/// An id that counts from 2^33 on: whoever takes one for 32 bits, or for the place of its vertex, is found out with a small model.
-#[cfg(test)]
+/// An id of 64 bits. In tests of this crate it counts from 2^33 on, so that whoever takes one for 32 bits, or for the place of its vertex, is found out with a
+/// small model.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Pod, Zeroable)]
 #[repr(transparent)]
-pub(crate) struct Far(u64);
+pub(crate) struct Wide(u64);
 
-#[cfg(test)]
-impl Far {
-    const START: u64 = 1 << 33;
+impl Wide {
+    const START: u64 = if cfg!(test) { 1 << 33 } else { 0 };
 }
 
-#[cfg(test)]
-impl Id for Far {
-    const IDS: Ids = Ids::Far;
-    const NONE: Far = Far(u64::MAX);
+impl Id for Wide {
+    const IDS: Ids = Ids::Wide;
+    const NONE: Wide = Wide(u64::MAX);
     const MOST: usize = usize::MAX;
 
-    fn of(index: usize) -> Far {
-        Far(Far::START + index as u64)
+    #[inline]
+    fn of(index: usize) -> Wide {
+        Wide(Wide::START + index as u64)
     }
 
+    #[inline]
     fn index(self) -> usize {
-        assert!(self.0 >= Far::START && self != Far::NONE, "{} is no id", self.0);
-        (self.0 - Far::START) as usize
+        debug_assert!(self != Wide::NONE && self.0.checked_sub(Wide::START).is_some(), "{} is no id", self.0);
+        (self.0 - Wide::START) as usize
     }
 
+    #[inline]
     fn bits(self) -> u64 {
         self.0
     }
 
-    fn triangles(triangles: Column<[Far; 3]>) -> Triangles {
-        Triangles::Far(triangles)
+    fn triangles(triangles: Column<[Wide; 3]>) -> Triangles {
+        Triangles::Wide(triangles)
     }
 }
 
@@ -132,18 +106,13 @@ pub enum Ids {
     Narrow,
     /// 64 bits.
     Wide,
-    /// 64 bits from 2^33 on.
-    #[cfg(test)]
-    Far,
 }
 
 /// Triangles of a whole source, by ids of one kind.
 #[derive(Serialize, Deserialize)]
 pub(crate) enum Triangles {
     Narrow(Column<[u32; 3]>),
-    Wide(Column<[u64; 3]>),
-    #[cfg(test)]
-    Far(Column<[Far; 3]>),
+    Wide(Column<[Wide; 3]>),
 }
 
 impl Triangles {
@@ -152,8 +121,6 @@ impl Triangles {
         match self {
             Triangles::Narrow(triangles) => triangles.len(),
             Triangles::Wide(triangles) => triangles.len(),
-            #[cfg(test)]
-            Triangles::Far(triangles) => triangles.len(),
         }
     }
 }
@@ -164,8 +131,6 @@ macro_rules! with_ids {
         match $triangles {
             $crate::ids::Triangles::Narrow($name) => $then,
             $crate::ids::Triangles::Wide($name) => $then,
-            #[cfg(test)]
-            $crate::ids::Triangles::Far($name) => $then,
         }
     };
     ($kind:expr, type $id:ident => $then:expr) => {
@@ -175,12 +140,7 @@ macro_rules! with_ids {
                 $then
             }
             $crate::ids::Ids::Wide => {
-                type $id = u64;
-                $then
-            }
-            #[cfg(test)]
-            $crate::ids::Ids::Far => {
-                type $id = $crate::ids::Far;
+                type $id = $crate::ids::Wide;
                 $then
             }
         }

@@ -34,6 +34,8 @@ pub(crate) struct FileSet {
     /// The file that is being read, and which one it is.
     current: Option<Input>,
     at: usize,
+    /// Most bytes that have been read: a glTF's own and those taken from it, which are less when it has ended.
+    told: u64,
     /// Vertices that 32 bits number.
     most: u64,
     /// Counts of what was delivered, and those of the files before.
@@ -116,6 +118,7 @@ impl FileSet {
             scalars,
             current: None,
             at: 0,
+            told: 0,
             most: MAX_VERTICES,
             counts: Counts::default(),
             before: Counts::default(),
@@ -143,7 +146,7 @@ impl FileSet {
     pub(crate) fn again(self) -> FileSet {
         let [counts, before] = [Counts::default(); 2];
         let read = SourceInfo::default();
-        FileSet { current: None, at: 0, counts, before, has_corner_normals: false, plain: 0, read, ..self }
+        FileSet { current: None, at: 0, told: 0, counts, before, has_corner_normals: false, plain: 0, read, ..self }
     }
 
     fn refill(&mut self, batch: &mut Batch) -> Result<BatchKind, SourceError> {
@@ -265,13 +268,15 @@ impl MeshReader for FileSet {
     }
 
     fn bytes_beside(&self) -> u64 {
-        let read: u64 = self.read.beside.iter().map(|file| file.len).sum();
-        read + self.current.as_ref().map_or(0, Input::bytes_read)
+        self.told
     }
 
     fn next(&mut self, batch: &mut Batch) -> Result<BatchKind, ImportError> {
         let index = self.at;
-        Ok(self.refill(batch).map_err(|error| named(&self.list, index, error))?)
+        let kind = self.refill(batch).map_err(|error| named(&self.list, index, error))?;
+        let ended: u64 = self.read.beside.iter().map(|file| file.len).sum();
+        self.told = self.told.max(ended + self.current.as_ref().map_or(0, Input::bytes_read));
+        Ok(kind)
     }
 
     fn finish(mut self: Box<Self>) -> Result<SourceInfo, ImportError> {

@@ -161,7 +161,7 @@ impl<I: Id> Slice<I> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ids::Far;
+    use crate::ids::Wide;
     use chpm_extmem::{BufferWriter, Store};
     use chpm_extmem::{Cancel, Silent};
     use proptest::prelude::*;
@@ -222,7 +222,7 @@ mod tests {
             let triangles: Vec<[u32; 3]> = corners.into_iter().map(near).collect();
             let expected = naive(&triangles, vertices);
             prop_assert_eq!(found::<u32>(len, &triangles, vertices, 0), &expected[..]);
-            prop_assert_eq!(found::<Far>(len, &triangles, vertices, 0), &expected[..]);
+            prop_assert_eq!(found::<Wide>(len, &triangles, vertices, 0), &expected[..]);
             prop_assert_eq!(found::<u32>(len, &triangles, vertices, 1 << 24), expected);
         }
     }

@@ -4,7 +4,7 @@ use super::TRIANGLES;
 use super::local::each;
 use crate::context::Context;
 use crate::error::BuildError;
-use crate::ids::{Id, Ids, Triangles};
+use crate::ids::{Id, Ids, Triangles, Wide};
 use crate::trace::Phase;
 use chpm_extmem::{BufferWriter, Store};
 use chpm_import::ply::Batch;
@@ -13,9 +13,7 @@ use rayon::prelude::*;
 /// [`Triangles`] while they come.
 pub(super) enum TriangleWriter {
     Narrow(BufferWriter<[u32; 3]>),
-    Wide(BufferWriter<[u64; 3]>),
-    #[cfg(test)]
-    Far(BufferWriter<[crate::ids::Far; 3]>),
+    Wide(BufferWriter<[Wide; 3]>),
 }
 
 impl TriangleWriter {
@@ -24,8 +22,6 @@ impl TriangleWriter {
         Ok(match kind {
             Ids::Narrow => TriangleWriter::Narrow(BufferWriter::new(store, TRIANGLES, expected)?),
             Ids::Wide => TriangleWriter::Wide(BufferWriter::new(store, TRIANGLES, expected)?),
-            #[cfg(test)]
-            Ids::Far => TriangleWriter::Far(BufferWriter::new(store, TRIANGLES, expected)?),
         })
     }
 
@@ -64,8 +60,6 @@ impl TriangleWriter {
                 Ok(writer.extend_from_slices(&triangles, || phase.task("store"))?)
             }
             TriangleWriter::Wide(writer) => all(writer, round, phase),
-            #[cfg(test)]
-            TriangleWriter::Far(writer) => all(writer, round, phase),
         }
     }
 
@@ -78,8 +72,6 @@ impl TriangleWriter {
         match self {
             TriangleWriter::Narrow(writer) => Ok(writer.extend_from_slice(triangles)?),
             TriangleWriter::Wide(writer) => all(writer, triangles),
-            #[cfg(test)]
-            TriangleWriter::Far(writer) => all(writer, triangles),
         }
     }
 
@@ -87,8 +79,6 @@ impl TriangleWriter {
         Ok(match self {
             TriangleWriter::Narrow(writer) => Triangles::Narrow(writer.finish_column()?),
             TriangleWriter::Wide(writer) => Triangles::Wide(writer.finish_column()?),
-            #[cfg(test)]
-            TriangleWriter::Far(writer) => Triangles::Far(writer.finish_column()?),
         })
     }
 }
@@ -115,8 +105,9 @@ mod tests {
         writer.extend(&round, Trace::default().phase()).unwrap();
         writer.push(&[[3, 2, 1]]).unwrap();
         let Triangles::Wide(triangles) = writer.finish().unwrap() else { panic!("of 32 bits") };
-        let beyond = [5, 6, 7].map(|vertex: u64| (1 << 32) + vertex);
-        let expected = [[0, 1, 2], [7, 8, 9], beyond, [u64::from(u32::MAX), 1, 0], [3, 2, 1]];
+        let beyond = [5, 6, 7].map(|vertex| (1 << 32) + vertex);
+        let expected = [[0, 1, 2], [7, 8, 9], beyond, [u32::MAX as usize, 1, 0], [3, 2, 1]];
+        let expected = expected.map(|triangle| triangle.map(Wide::of));
         assert_eq!(triangles.read(0..5, &mut Vec::new()).unwrap(), expected);
     }
 }

@@ -444,7 +444,8 @@ fn alpha_of_a_gltf_means_what_its_mode_says() {
         let bytes = glb(json!({
             "materials": materials, "textures": [{ "source": 0 }], "images": [{ "bufferView": 2 }],
         }));
-        let read = read(&folder(&[("a.glb", &bytes)]), "a.glb", Images::IfAny).unwrap();
+        let folder = folder(&[("a.glb", &bytes)]);
+        let read = read(&folder, "a.glb", Images::IfAny).unwrap();
         assert_eq!(read.textures().images[0].open().unwrap().alpha, alpha, "{facts}");
         assert_eq!(read.material(0).factor[3], factor, "{facts}");
     }

@@ -117,7 +117,7 @@ mod tests {
         let context = Context::new(store, pool, &Silent, Cancel::default());
         let homes = Homes::new(Cells::new([10, 10].into_iter()), &[0, 1]);
         let within = |most| {
-            let mut routed = Routed::<u64>::new(2, &context.store);
+            let mut routed = Routed::<u32>::new(2, &context.store);
             for vertex in [13, 12, 19, 12] {
                 routed.visit(1, vertex, 0)?;
             }
