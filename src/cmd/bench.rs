@@ -451,7 +451,8 @@ fn machine() -> String {
     format!("{cores} processors, {}", model.unwrap_or("of an unknown model"))
 }
 
-#[cfg(test)]
+// Windows has no program that sleeps.
+#[cfg(all(test, unix))]
 mod tests {
     use super::*;
 

@@ -146,7 +146,17 @@ impl FileSet {
     pub(crate) fn again(self) -> FileSet {
         let [counts, before] = [Counts::default(); 2];
         let read = SourceInfo::default();
-        FileSet { current: None, at: 0, told: 0, counts, before, has_corner_normals: false, plain: 0, read, ..self }
+        FileSet {
+            current: None,
+            at: 0,
+            told: 0,
+            counts,
+            before,
+            has_corner_normals: false,
+            plain: 0,
+            read,
+            ..self
+        }
     }
 
     fn refill(&mut self, batch: &mut Batch) -> Result<BatchKind, SourceError> {
