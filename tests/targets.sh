@@ -16,6 +16,8 @@ folder=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 [ $# -gt 0 ] || set -- x86_64-unknown-linux-musl aarch64-unknown-linux-gnu x86_64-pc-windows-gnu
 features=(--profile quick --no-default-features --features web)
 table=()
+# zig of the tests' own Python, if it is there: another Python may come first.
+[ ! -x target/tools/bin/python-zig ] || export CARGO_ZIGBUILD_PYTHON_PATH="$PWD/target/tools/bin/python3"
 
 # The program for a target in a folder of its own, under the name `chpm`, however it has to be started.
 program() { # TARGET FOLDER
