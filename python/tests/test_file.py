@@ -106,7 +106,7 @@ def test_damaged_files_say_where(models, tmp_path):
     whole = models["looks"].read_bytes()
     path = tmp_path / "bad.chpm"
     for bytes, told in [
-        (b"", f"cannot open '{path}': not a CHPM file"),
+        (b"", f"cannot open '{path}': header: 256 bytes expected, 0 present"),
         (b"ply\n" + whole[4:], f"cannot open '{path}': not a CHPM file"),
         (whole[:200], "header: 256 bytes expected, 200 present"),
         (whole[:-4096], "the file is cut short or was never finished"),
