@@ -5,7 +5,7 @@ use anyhow::{Context, Result, ensure};
 use chpm_build::config::{
     Bounds, Layout, Length, MissingImages, Normals, Positions, Texture, Topology, Volumes,
 };
-use chpm_build::{BuildConfig, FailPoints, Ids, MIN_MEMORY, Resources, Settings, Trace};
+use chpm_build::{BuildConfig, FailPoints, MIN_MEMORY, Resources, Settings};
 use chpm_format::BoundaryMode;
 use chpm_mesh::Bytes;
 pub(crate) use chpm_mesh::MemorySize;
@@ -349,9 +349,8 @@ pub(crate) fn build_config(
             work_dir: resources.storage.work_dir.clone(),
             checkpoint: (!resources.no_resume).then(|| Duration::from_secs_f64(resources.checkpoint)),
             keep_work: resources.keep_work,
-            trace: Trace::default(),
-            ids: Ids::default(),
             fail_points: resources.kill_at.map_or_else(FailPoints::default, FailPoints::kill_at),
+            ..Resources::default()
         },
         overwrite,
     })
@@ -439,9 +438,8 @@ mod tests {
             work_dir: Some(PathBuf::from("scratch")),
             checkpoint: Some(Duration::from_millis(2500)),
             keep_work: true,
-            trace: Trace::default(),
-            ids: Ids::default(),
             fail_points: FailPoints::default(),
+            ..Resources::default()
         };
         assert_eq!(typed.resources, expected);
         assert_eq!(config(&["--no-resume"]).resources.checkpoint, None);

@@ -13,7 +13,7 @@ use crate::shown::ShownArgs;
 use crate::stop::Stop;
 use crate::tile_list::SourceArgs;
 use anyhow::{Error, Result, bail, ensure};
-use chpm_build::{BuildConfig, BuildError, BuildReport, Trace};
+use chpm_build::{BuildConfig, BuildError, BuildReport, Division, Trace};
 use chpm_extmem::platform::{self, Kind};
 use chpm_extmem::same_file;
 use chpm_mesh::{Bytes, Counted};
@@ -46,6 +46,16 @@ pub(crate) struct Args {
     /// Stages and tasks in Chrome's trace event format.
     #[arg(long, value_name = "FILE", hide_short_help = true)]
     trace: Option<PathBuf>,
+    /// Keep what becomes of each part beside the output, in OUTPUT.memo, for --update
+    ///
+    /// Parts of the model are then cubes, each built by what lies in it and near it. Such a build is not gone on with if it is stopped.
+    #[arg(long, hide_short_help = true, conflicts_with = "keep_work")]
+    updatable: bool,
+    /// Take over from this model what has not changed
+    ///
+    /// It was built with --updatable, or updated, by this version from an earlier state of the source. The result is what --updatable makes of the source.
+    #[arg(long, value_name = "OLD.chpm", conflicts_with = "keep_work")]
+    update: Option<PathBuf>,
     #[command(flatten)]
     config: ConfigArgs,
     #[command(flatten)]
@@ -79,6 +89,10 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 fn run_with(args: &Args, stop: &Stop) -> Result<Verdict> {
     let mut config = build_config(&args.settings, &args.resources, args.force)?;
     config.settings.shown = args.shown.settings();
+    if args.updatable || args.update.is_some() {
+        config.settings.division = Division::Cubes;
+        (config.resources.memo, config.resources.update) = (true, args.update.clone());
+    }
     let first = super::source(args.sources.first());
     let is_pipe = platform::kind_at(first).is_ok_and(|kind| kind == Kind::Pipe);
     let is_file = !is_pipe && first == args.sources.first();

@@ -31,6 +31,8 @@ pub struct BuildConfig {
 /// Settings that decide the output, byte for byte; stored in the file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
+    /// How the source is divided into regions of some dozen leaves.
+    pub division: Division,
     /// Triangles of a leaf cluster that the decomposition aims for (Quick-VDR 4.1: about 2K vertices, so 4K triangles).
     pub cluster_triangles: u32,
     /// Whether they are fewer where sheets would have more than a million texels each.
@@ -102,6 +104,7 @@ const FEWEST_TRIANGLES: f64 = 256.0;
 impl Default for Settings {
     fn default() -> Self {
         Settings {
+            division: Division::Graph,
             cluster_triangles: 4096,
             fewer_for_texels: true,
             cell_vertices: 48,
@@ -133,6 +136,16 @@ impl Default for Settings {
             shown: Vec::new(),
         }
     }
+}
+
+/// How a large source is divided into regions of some dozen leaves.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub enum Division {
+    /// A graph of coarse cells is cut into parts of equal size that share few vertices.
+    #[default]
+    Graph,
+    /// Cubes of an octree, each by what lies in it: so most regions stay as they are where the source changes in some.
+    Cubes,
 }
 
 /// How closely the errors of a root's meshes are looked at.
@@ -429,6 +442,7 @@ impl Settings {
             entry("layout", &self.layout),
         ];
         // Files of all that is there are as they were before this could be asked for.
+        entries.extend((self.division == Division::Cubes).then(|| entry("division", &"cubes")));
         entries.extend((self.bounds == Bounds::Quick).then(|| entry("bounds", &"quick")));
         entries.extend(self.min_component.map(|size| entry("min-component", &size)));
         entries.extend(self.scalars.all.then(|| entry("scalars", &"all")));
@@ -454,6 +468,10 @@ pub struct Resources {
     /// Least time between checkpoints, from which a build that was killed goes on. Without it none is made, and none that is there is
     /// used.
     pub checkpoint: Option<Duration>,
+    /// Whether what becomes of groups of clusters is kept beside the output, for later builds to take over. No checkpoints are made then.
+    pub memo: bool,
+    /// An earlier model, built with such a memo, of which this build takes over what it would make alike.
+    pub update: Option<PathBuf>,
     /// Whether the work directory stays when the build is done, with all that layout and emit start from.
     pub keep_work: bool,
     /// Where stages and tasks are recorded, if anywhere.
@@ -471,6 +489,8 @@ impl Default for Resources {
             memory: Bytes::mib(1024),
             work_dir: None,
             checkpoint: Some(Duration::from_secs(15)),
+            memo: false,
+            update: None,
             keep_work: false,
             trace: Trace::default(),
             ids: Ids::default(),

@@ -5,6 +5,7 @@ use crate::error::BuildError;
 use crate::ids::Ids;
 use crate::progress::{BuildProgress, Stage};
 use crate::report::StageReport;
+use crate::simplify::Memo;
 use crate::trace::Trace;
 use chpm_extmem::{Cancel, Store, process};
 use std::sync::Mutex;
@@ -26,6 +27,8 @@ pub struct Context<'a> {
     pub(crate) ids: Ids,
     /// Where stages and tasks are recorded.
     pub(crate) trace: Trace,
+    /// Results of groups, kept for later builds.
+    pub(crate) memo: Option<Memo>,
     stages: Mutex<Vec<StageReport>>,
 }
 
@@ -55,6 +58,7 @@ impl<'a> Context<'a> {
             clock,
             ids: Ids::default(),
             trace: Trace::default(),
+            memo: None,
             stages: Mutex::new(Vec::new()),
         }
     }

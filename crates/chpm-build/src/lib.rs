@@ -39,7 +39,7 @@ mod vertex_columns;
 pub use allowance::MIN_MEMORY;
 pub use chain::{chain, close_up};
 pub use chpm_extmem::{Cancel, FailPoints, Progress, Silent};
-pub use config::{BuildConfig, Keep, Resources, Settings};
+pub use config::{BuildConfig, Division, Keep, Resources, Settings};
 pub use error::BuildError;
 pub use ids::Ids;
 pub use layout::{MOST_ORDERED, ORDER_BYTES, order_mesh, page_order};

@@ -9,6 +9,7 @@ use crate::fingerprint::Fingerprint;
 use crate::output::OutputFiles;
 use crate::progress::{BuildProgress, Stage};
 use crate::report::BuildReport;
+use crate::simplify::Memo;
 use crate::{allowance, decompose, emit, hierarchy, ingest, layout, sheets, simplify, trim};
 use chpm_extmem::{Cancel, ExtmemError, Lock, Store, WorkDir, process};
 use chpm_import::Supply;
@@ -71,8 +72,9 @@ fn make(
     let source = &take(folder)?;
     let fingerprint = Fingerprint::of(source, config.settings.images(), cancel)?;
     fingerprint.refuse_output(output)?;
-    // What came through a pipe does not come again, so that no other run could go on.
-    let every = resources.checkpoint.filter(|_| !source.is_spooled());
+    // What came through a pipe does not come again, so that no other run could go on; nor would a memo know of what an earlier run has done.
+    let keeps_memo = resources.memo || resources.update.is_some();
+    let every = resources.checkpoint.filter(|_| !source.is_spooled() && !keeps_memo);
     let resources = &Resources { checkpoint: every, ..resources.clone() };
     let (mut checkpoints, dir) = match every {
         Some(_) => {
@@ -82,8 +84,12 @@ fn make(
             (Checkpoints::default(), WorkDir::create(folder)?.with_fail_points(resources.fail_points.clone()))
         }
     };
-    let context = &context(dir, fingerprint.len, resources, progress, cancel)?;
-    let dir = &context.store.workdir;
+    let mut context = context(dir, fingerprint.len, resources, progress, cancel)?;
+    if keeps_memo {
+        let earlier = resources.update.as_deref();
+        context.memo = Some(Memo::open(output, earlier, &resources.fail_points, &context.store)?);
+    }
+    let (context, dir) = (&context, &context.store.workdir);
     match run(source, &fingerprint, out, &config.settings, context, &mut checkpoints) {
         Ok(report) => {
             checkpoints.finish(dir);
@@ -144,6 +150,10 @@ fn run(
         })
     })?;
 
+    if let Some(memo) = &context.memo {
+        memo.finish()?;
+    }
+
     let (known, painted, built) = work.finish();
     let nodes = built.clusters.refs.iter().flatten().count() as u64;
     let sheets = painted
@@ -160,6 +170,7 @@ fn run(
 
     let mut notes = std::mem::take(&mut checkpoints.notes);
     notes.extend(notes_of(&known.facts, settings));
+    notes.extend(context.memo.iter().flat_map(Memo::notes));
     let written = context
         .stage(Stage::Emit, 1, || file.finish(records, context).inspect(|_| context.progress.advance(1)))?;
     Ok(BuildReport {

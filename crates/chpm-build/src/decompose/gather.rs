@@ -40,6 +40,7 @@ pub(crate) struct Gatherer {
     collector: Collector,
     account: Account,
     border_count: u32,
+    region_ends: Vec<u32>,
     copies: u64,
 }
 
@@ -54,7 +55,7 @@ impl Gatherer {
         let is_computed = settings.normals == Normals::Computed;
         let collector = Collector::new(border_count as usize, is_computed, store)?;
         let account = Account::new(border_count as usize, store);
-        Ok(Gatherer { collector, account, border_count, copies })
+        Ok(Gatherer { collector, account, border_count, region_ends: Vec::new(), copies })
     }
 
     /// Takes in the next region.
@@ -66,6 +67,8 @@ impl Gatherer {
             return Err(BuildError::TooManyShared { most: MOST });
         }
         self.collector.add(&done)?;
+        let leaves_before = self.region_ends.last().copied().unwrap_or(0);
+        self.region_ends.push(leaves_before + done.leaves.len() as u32);
         let border_count = self.border_count;
         let topology = done.topology.renumbered(|id| if id < border_count { id } else { id + inner_before });
         self.copies += done.copies;
@@ -80,7 +83,7 @@ impl Gatherer {
         context: &Context<'_>,
         repairs: &mut Repairs,
     ) -> Result<Decomposition, BuildError> {
-        let Gatherer { collector, account, copies, .. } = self;
+        let Gatherer { collector, account, region_ends, copies, .. } = self;
         let traced = context.trace.task("account");
         account.close()?.add_to(repairs);
         drop(traced);
@@ -91,7 +94,8 @@ impl Gatherer {
         repairs.merged_copies = copies;
         repairs.unreferenced_vertices = about.vertex_count - shared.used_vertices;
         let About { rounding, scalar_words, .. } = about;
-        Decomposition { rounding, spool, leaves, shared, scalar_words, held: None }.hold(&context.store)
+        Decomposition { rounding, spool, leaves, region_ends, shared, scalar_words, held: None }
+            .hold(&context.store)
     }
 }
 

@@ -135,44 +135,79 @@ fn spread(w: f64) -> u32 {
     (bits | bits << 2) & 0x0924_9249
 }
 
+/// Where the cells of a uniform grid lie.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Placement {
+    /// From a corner of the box on, a number of them along its longest side.
+    InBox,
+    /// At multiples of their side, which is a power of two: no cell moves because of what lies elsewhere.
+    AtMultiples,
+}
+
+/// Place of a cell along a curve through the octree that all cells of a grid are in: three bits for each halving, the first ones on top.
+pub(crate) type OctreeKey = u128;
+
+/// log2 of the uniform cells along each axis that an octree has in one: as many as there can be, and twice as many again, as they need not begin at a multiple.
+const UNIFORM_BITS: u32 = MAX_UNIFORM_LOG + 2;
+
 /// The grid. Every vertex has a cell; cells that hold vertices are numbered from 0 in the order of slots.
 pub(crate) struct Grid {
     origin: [f64; 3],
     /// Cells per object unit in the uniform grid.
     scale: f64,
     dims: [u32; 3],
+    /// Uniform cells of the octree before the first ones here.
+    first: [u32; 3],
     /// Uniform cells, then blocks of eight. A slot is a link to a block, or a cell's number.
     slots: Vec<u32>,
     /// Centre and vertex count of each numbered cell.
     pub(crate) cells: Vec<Cell>,
+    /// Their places in the octree.
+    pub(crate) keys: Vec<OctreeKey>,
 }
 
 impl Grid {
+    /// Without any vertices, `n` cells along the longest side of a box.
+    fn empty(bounds: &Aabb, n: u32, placement: Placement) -> Self {
+        let extent: [f64; 3] = std::array::from_fn(|a| f64::from(bounds.max[a]) - f64::from(bounds.min[a]));
+        let longest = extent.into_iter().fold(0.0, f64::max);
+        let min = bounds.min.map(f64::from);
+        let (scale, origin, dims, first) = match placement {
+            _ if longest <= 0.0 => (0.0, min, [1; 3], [0; 3]),
+            Placement::InBox => {
+                let scale = f64::from(n) / longest;
+                (scale, min, extent.map(|e| ((e * scale).ceil() as u32).clamp(1, n)), [0; 3])
+            }
+            Placement::AtMultiples => {
+                let scale = f64::from(n) / libm::exp2(libm::log2(longest).ceil());
+                let ends = bounds.max.map(|x| (f64::from(x) * scale).floor());
+                let starts = min.map(|x| (x * scale).floor());
+                // One more than the side is long may be touched.
+                let dims = std::array::from_fn(|a| ((ends[a] - starts[a]) as u32).min(n) + 1);
+                let octree = f64::from(1 << MAX_UNIFORM_LOG);
+                let first = starts.map(|start| (start - (start / octree).floor() * octree) as u32);
+                (scale, starts.map(|start| start / scale), dims, first)
+            }
+        };
+        let slots = vec![0; dims.iter().product::<u32>() as usize];
+        Grid { origin, scale, dims, first, slots, cells: Vec::new(), keys: Vec::new() }
+    }
+
     /// Subdivides until no cell holds more than `limit` of the `positions`, all of which lie in `bounds`, but in one point. `check` is
     /// asked between pieces of work whether to go on.
     pub(crate) fn build<P: Points + ?Sized>(
         positions: &P,
         bounds: &Aabb,
         limit: u32,
+        placement: Placement,
         trace: &Trace,
         check: &Check<'_>,
     ) -> Result<Self, BuildError> {
-        let extent: [f64; 3] = std::array::from_fn(|a| f64::from(bounds.max[a]) - f64::from(bounds.min[a]));
-        let longest = extent.into_iter().fold(0.0, f64::max);
-
         // A surface meets about four n * n of n * n * n cells: start where those would hold twice the limit.
         let wanted = (positions.count() as f64 / (8.0 * f64::from(limit))).sqrt().max(1.0);
         let mut n = 1u32 << (libm::log2(wanted).ceil() as u32).min(MAX_UNIFORM_LOG);
         let (mut grid, mut apart) = loop {
-            let scale = if longest > 0.0 { f64::from(n) / longest } else { 0.0 };
-            let dims = extent.map(|e| ((e * scale).ceil() as u32).clamp(1, n));
-            let mut grid = Grid {
-                origin: std::array::from_fn(|a| f64::from(bounds.min[a])),
-                scale,
-                dims,
-                slots: vec![0; dims.iter().product::<u32>() as usize],
-                cells: Vec::new(),
-            };
+            let mut grid = Grid::empty(bounds, n, placement);
             let apart = grid.count(positions, 0, trace, check)?;
             // A cloud fills the cells of a volume: begin where they hold a sixteenth of the limit or more.
             let filled = grid.slots.iter().filter(|count| **count > 0).count();
@@ -281,31 +316,53 @@ impl Grid {
                     let slot = ((z * self.dims[1] + y) * self.dims[0] + x) as usize;
                     let corner = [x, y, z].map(f64::from);
                     let corner = std::array::from_fn(|a| self.origin[a] + corner[a] * side);
-                    self.number(slot, corner, side);
+                    self.number(slot, corner, side, uniform_key([x, y, z], self.first), MAX_DEPTH);
                 }
             }
         }
     }
 
-    fn number(&mut self, slot: usize, corner: [f64; 3], side: f64) {
+    /// Numbers the cells in a slot, of which `key` is the place, and `below` how often the least cells are halved more often than it.
+    fn number(&mut self, slot: usize, corner: [f64; 3], side: f64, key: OctreeKey, below: u32) {
         let value = self.slots[slot];
         if value & LINK != 0 {
             let half = 0.5 * side;
             for child in 0..8 {
                 let corner =
                     std::array::from_fn(|a| corner[a] + if child >> a & 1 == 1 { half } else { 0.0 });
-                self.number((value & !LINK) as usize + child, corner, half);
+                self.number(
+                    (value & !LINK) as usize + child,
+                    corner,
+                    half,
+                    key << 3 | child as u128,
+                    below - 1,
+                );
             }
         } else if value > 0 {
             self.slots[slot] = self.cells.len() as u32;
             self.cells.push(Cell { center: corner.map(|x| (x + 0.5 * side) as f32), count: value });
+            self.keys.push(key << (3 * below));
         }
     }
+}
+
+/// Place in the octree of a uniform cell, when `first` are before the first ones.
+fn uniform_key(cell: [u32; 3], first: [u32; 3]) -> OctreeKey {
+    let at: [u32; 3] = std::array::from_fn(|a| cell[a] + first[a]);
+    (0..UNIFORM_BITS).rev().fold(0, |key, bit| {
+        let child = (0..3).map(|a| (at[a] >> bit & 1) << a).sum::<u32>();
+        key << 3 | OctreeKey::from(child)
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn in_box(positions: &[[f32; 3]], limit: u32, check: &Check<'_>) -> Result<Grid, BuildError> {
+        let bounds = Aabb::of_points(positions);
+        Grid::build(positions, &bounds, limit, Placement::InBox, &Trace::default(), check)
+    }
 
     #[test]
     fn every_vertex_is_counted_once_and_found_again() {
@@ -315,9 +372,7 @@ mod tests {
                 [(h & 1023) as f32, (h >> 10 & 1023) as f32 * 0.1, ((h >> 20) as f32).powi(3) * 1e-6]
             })
             .collect();
-        let grid =
-            Grid::build(&positions[..], &Aabb::of_points(&positions), 16, &Trace::default(), &|| Ok(()))
-                .unwrap();
+        let grid = in_box(&positions, 16, &|| Ok(())).unwrap();
         let mut counts = vec![0; grid.cells.len()];
         for p in &positions {
             counts[grid.cell_of(*p) as usize] += 1;
@@ -331,9 +386,7 @@ mod tests {
         let at = |i: u32, k: u32| (i.wrapping_mul(2654435761).wrapping_add(k) >> (10 * k)) % 1009;
         let positions: Vec<[f32; 3]> =
             (0..60_000u32).map(|i| [at(i, 0), at(i, 1), at(i / 7, 2)].map(|x| x as f32)).collect();
-        let grid =
-            Grid::build(&positions[..], &Aabb::of_points(&positions), 48, &Trace::default(), &|| Ok(()))
-                .unwrap();
+        let grid = in_box(&positions, 48, &|| Ok(())).unwrap();
         assert!(grid.cells.len() < 60_000 / 3, "{} cells", grid.cells.len());
         assert!(grid.cells.iter().all(|cell| cell.count <= 48));
     }
@@ -348,8 +401,7 @@ mod tests {
             looks.fetch_add(1, Relaxed);
             Ok(())
         };
-        let grid =
-            Grid::build(&positions[..], &Aabb::of_points(&positions), 48, &Trace::default(), &check).unwrap();
+        let grid = in_box(&positions, 48, &check).unwrap();
         assert!(grid.cells.len() > 80 && grid.cells.iter().all(|cell| cell.count <= 48));
         let looks = looks.into_inner();
         assert!(looks < 12, "{looks} looks at all of them");
@@ -358,9 +410,7 @@ mod tests {
     #[test]
     fn coincident_vertices_end_in_one_full_cell() {
         let positions = [[1.0, 2.0, 3.0]; 100];
-        let grid =
-            Grid::build(&positions[..], &Aabb::of_points(&positions), 16, &Trace::default(), &|| Ok(()))
-                .unwrap();
+        let grid = in_box(&positions, 16, &|| Ok(())).unwrap();
         assert_eq!(grid.cells.len(), 1);
         assert_eq!(grid.cells[0].count, 100);
         assert_eq!(grid.slots.len(), 1, "halving does not tell them apart");
@@ -372,18 +422,11 @@ mod tests {
             looks.fetch_add(1, Relaxed);
             Ok(())
         };
-        let grid =
-            Grid::build(&positions[..], &Aabb::of_points(&positions), 16, &Trace::default(), &check).unwrap();
+        let grid = in_box(&positions, 16, &check).unwrap();
         assert_eq!(grid.cells.iter().map(|cell| cell.count).collect::<Vec<_>>(), [999, 1]);
         assert!(grid.slots.len() < 16 && looks.into_inner() < 8);
         let two = [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0; 3]];
-        assert_eq!(
-            Grid::build(&two[..], &Aabb::of_points(&two), 2, &Trace::default(), &|| Ok(()))
-                .unwrap()
-                .cells
-                .len(),
-            2
-        );
+        assert_eq!(in_box(&two, 2, &|| Ok(())).unwrap().cells.len(), 2);
     }
 
     #[test]
@@ -396,11 +439,39 @@ mod tests {
                 n if n < after => Ok(()),
                 _ => Err(BuildError::Cancelled),
             };
-            let built = pool.install(|| {
-                Grid::build(&positions[..], &Aabb::of_points(&positions), 48, &Trace::default(), &check)
-            });
+            let built = pool.install(|| in_box(&positions, 48, &check));
             assert!(built.is_err_and(|error| error.is_cancelled()));
             assert_eq!(looks.into_inner(), after + 1, "no chunk is looked at after the request");
+        }
+    }
+
+    /// Cells at multiples of their side stay where they are when something comes far away, and so does their order.
+    #[test]
+    fn cells_at_multiples_of_their_side_do_not_move() {
+        let at = |i: u32, k: u32| (i.wrapping_mul(2654435761) >> (10 * k) & 1023) as f32 * 1e-3 - 0.6;
+        let positions: Vec<[f32; 3]> = (0..4000).map(|i| [at(i, 0), at(i, 1), at(i, 2) * 0.3]).collect();
+        let aligned = |positions: &[[f32; 3]]| {
+            let bounds = Aabb::of_points(positions);
+            Grid::build(positions, &bounds, 48, Placement::AtMultiples, &Trace::default(), &|| Ok(()))
+                .unwrap()
+        };
+        let of = |grid: &Grid| -> Vec<Vec<usize>> {
+            let mut cells = vec![Vec::new(); grid.cells.len()];
+            (0..positions.len()).for_each(|v| cells[grid.cell_of(positions[v]) as usize].push(v));
+            assert!(grid.cells.iter().all(|cell| cell.count <= 48) && grid.keys.len() == cells.len());
+            cells.sort_by_key(|cell| cell.first().map(|v| grid.keys[grid.cell_of(positions[*v]) as usize]));
+            cells.retain(|cell| !cell.is_empty());
+            cells
+        };
+        let alone = of(&aligned(&positions));
+        assert!(alone.len() > 80);
+        for more in [[0.45, -0.61, 0.0], [-0.65, 0.3, 0.2], [0.1, 0.2, -0.4]] {
+            let with = [&positions[..], &[more]].concat();
+            let with = of(&aligned(&with));
+            let same = alone.iter().filter(|cell| with.contains(cell)).count();
+            assert!(same + 8 >= alone.len(), "{same} of {}", alone.len());
+            let order: Vec<_> = with.iter().filter(|cell| alone.contains(cell)).collect();
+            assert!(alone.iter().filter(|cell| with.contains(cell)).eq(order), "in the same order");
         }
     }
 }

@@ -1,9 +1,10 @@
 //! Where vertices are at home: in coarse cells, which make up regions. Decided once for the whole source.
 
 use super::cell_graph::{self, Cell};
-use super::number::{self, Cells};
-use super::partition;
-use crate::config::Settings;
+use super::grid::Placement;
+use super::number::{self, Cells, Numbered};
+use super::{cubes, partition};
+use crate::config::{Division, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
 use crate::ids::Id;
@@ -151,10 +152,17 @@ pub(crate) fn run<I: Id>(
         return Ok(Cut { vertices, triangles, homes });
     }
 
-    let limit = count / (wanted as usize * REGION_CELLS as usize);
+    let (limit, placement) = match settings.division {
+        Division::Graph => (count / (wanted as usize * REGION_CELLS as usize), Placement::InBox),
+        // Nothing that the rest of the source has a part in.
+        Division::Cubes => {
+            ((region_vertices(settings) / u64::from(REGION_CELLS)) as usize, Placement::AtMultiples)
+        }
+    };
     let limit = u32::try_from(limit).unwrap_or(u32::MAX).max(settings.cell_vertices);
     let traced = context.trace.task("number");
-    let (list, mapping) = number::run::<I>(&vertices.positions, &bounds, limit, context)?;
+    let Numbered { cells: list, keys, mapping } =
+        number::run::<I>(&vertices.positions, &bounds, limit, placement, context)?;
     drop(traced);
     let traced = context.trace.task("permute");
     vertices = vertices.map(&number::Permutation { mapping: &mapping, context })?;
@@ -166,7 +174,10 @@ pub(crate) fn run<I: Id>(
 
     let _traced = context.trace.task("cut");
     let cells = Cells::new(list.iter().map(|cell| cell.count));
-    let regions = regions(&list, &cells, &triangles, wanted, settings, context)?;
+    let regions = match settings.division {
+        Division::Graph => regions(&list, &cells, &triangles, wanted, settings, context)?,
+        Division::Cubes => cubes::regions(&list, &keys, region_vertices(settings)),
+    };
     context.check()?;
     Ok(Cut { vertices, triangles, homes: Homes::new(cells, &regions) })
 }
@@ -174,9 +185,13 @@ pub(crate) fn run<I: Id>(
 /// Regions for as many leaves and vertices: a power of two, so that each has the same number of leaves.
 fn region_count(vertices: usize, leaves: u32, settings: &Settings) -> u32 {
     // As many vertices as a region of a closed surface has, twice over.
-    let region_vertices = u64::from(REGION_LEAVES) * u64::from(settings.cluster_triangles.max(16));
-    let by_vertices = (vertices as u64 / region_vertices).max(1).ilog2();
+    let by_vertices = (vertices as u64 / (2 * region_vertices(settings))).max(1).ilog2();
     (leaves / REGION_LEAVES).max(1 << by_vertices).max(1)
+}
+
+/// Vertices that a region of a closed surface has.
+fn region_vertices(settings: &Settings) -> u64 {
+    u64::from(REGION_LEAVES) * u64::from(settings.cluster_triangles.max(16)) / 2
 }
 
 /// The region of each cell.

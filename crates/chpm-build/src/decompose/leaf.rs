@@ -38,6 +38,11 @@ impl LeafPage<'_> {
     pub(crate) fn shared(&self) -> impl Iterator<Item = (u16, u32)> {
         self.page.shared().filter_map(|(local, code)| Some((local, self.ids.id(code, self.leaf)?)))
     }
+
+    /// Shared ids of what the page has as shared vertices; none where one is not shared after all.
+    pub(crate) fn ids(&self) -> impl Iterator<Item = Option<u32>> {
+        self.page.shared().map(|(_, code)| self.ids.id(code, self.leaf))
+    }
 }
 
 impl Leaf {

@@ -111,9 +111,9 @@ impl<I: Id> Material<I> {
     }
 }
 
-/// Value that most of a triangle's corners have; where all differ, one of the three by a rule that does not depend on the order of
-/// the corners, so that copies of a triangle stay together.
-pub(crate) fn majority<I: Id>(triangle: [I; 3], of_corners: [u32; 3]) -> u32 {
+/// Value that most of a triangle's corners have; where all differ, one of the three by a number of the triangle that does not depend on the order of
+/// its corners, so that its copies stay together.
+pub(crate) fn majority(of_corners: [u32; 3], number: impl FnOnce() -> usize) -> u32 {
     let [a, b, c] = of_corners;
     if a == b || a == c {
         a
@@ -122,7 +122,6 @@ pub(crate) fn majority<I: Id>(triangle: [I; 3], of_corners: [u32; 3]) -> u32 {
     } else {
         let mut distinct = [a, b, c];
         distinct.sort_unstable();
-        let sum: usize = triangle.iter().map(|v| v.index()).sum();
-        distinct[sum % 3]
+        distinct[number() % 3]
     }
 }

@@ -9,6 +9,7 @@
 
 mod cell_graph;
 mod copies;
+mod cubes;
 mod divide;
 mod gather;
 mod grid;
@@ -55,6 +56,8 @@ pub(crate) struct Decomposition {
     /// The leaves' data.
     spool: Spool,
     pub(crate) leaves: Vec<Leaf>,
+    /// By region, where its leaves end among all.
+    pub(crate) region_ends: Vec<u32>,
     pub(crate) shared: SharedVertices,
     /// Words of the named scalars of a vertex.
     pub(crate) scalar_words: u8,

@@ -5,7 +5,7 @@
 //! buckets of consecutive places.
 
 use super::cell_graph::Cell;
-use super::grid::Grid;
+use super::grid::{Grid, OctreeKey, Placement};
 use crate::context::Context;
 use crate::error::BuildError;
 use crate::ids::Id;
@@ -86,25 +86,36 @@ impl Cells {
     }
 }
 
-/// The cells, those of more than `limit` vertices cut into pieces that follow one another.
-fn cut(cells: &[Cell], limit: u32) -> Vec<Cell> {
-    let mut list = Vec::with_capacity(cells.len());
-    for cell in cells {
+/// Vertices by cell.
+pub(crate) struct Numbered<I: Id> {
+    /// The cells, in the order of the new numbers.
+    pub(crate) cells: Vec<Cell>,
+    /// Their places in the octree.
+    pub(crate) keys: Vec<OctreeKey>,
+    /// By vertex, its new number: by cell, in the source's order within one.
+    pub(crate) mapping: Column<I>,
+}
+
+/// The cells with their places, those of more than `limit` vertices cut into pieces that follow one another.
+fn cut(cells: &[Cell], keys: &[OctreeKey], limit: u32) -> (Vec<Cell>, Vec<OctreeKey>) {
+    let mut list = (Vec::with_capacity(cells.len()), Vec::with_capacity(cells.len()));
+    for (cell, key) in cells.iter().zip(keys) {
         let pieces = cell.count.div_ceil(limit.max(1));
         let share = |piece: u32| (u64::from(cell.count) * u64::from(piece) / u64::from(pieces)) as u32;
-        list.extend((0..pieces).map(|p| Cell { count: share(p + 1) - share(p), ..*cell }));
+        list.extend((0..pieces).map(|p| (Cell { count: share(p + 1) - share(p), ..*cell }, *key)));
     }
     list
 }
 
-/// Cells of at most `limit` vertices each, and the new number of every vertex: by cell, in the source's order within one.
+/// Cells of at most `limit` vertices each, and the new number of every vertex.
 pub(crate) fn run<I: Id>(
     positions: &Column<[f32; 3]>,
     bounds: &Aabb,
     limit: u32,
+    placement: Placement,
     context: &Context<'_>,
-) -> Result<(Vec<Cell>, Column<I>), BuildError> {
-    let grid = Grid::build(positions, bounds, limit, &context.trace, &|| context.check())?;
+) -> Result<Numbered<I>, BuildError> {
+    let grid = Grid::build(positions, bounds, limit, placement, &context.trace, &|| context.check())?;
     let mut next = Vec::with_capacity(grid.cells.len());
     let mut end = 0;
     for cell in &grid.cells {
@@ -139,7 +150,8 @@ pub(crate) fn run<I: Id>(
         let numbers: Vec<&[I]> = slices.iter().map(|slice| &slice.numbers[..]).collect();
         mapping.extend_from_slices(&numbers, || storing.task("store"))?;
     }
-    Ok((cut(&grid.cells, limit), mapping.finish_column()?))
+    let (cells, keys) = cut(&grid.cells, &grid.keys, limit);
+    Ok(Numbered { cells, keys, mapping: mapping.finish_column()? })
 }
 
 /// Vertices in a row, as one thread counts them.
@@ -296,7 +308,8 @@ mod tests {
         {
             let cells: Vec<Cell> =
                 counts.iter().map(|count| Cell { center: [0.0; 3], count: *count }).collect();
-            let list = cut(&cells, limit);
+            let (list, keys) = cut(&cells, &vec![7; cells.len()], limit);
+            assert_eq!(keys.len(), list.len());
             assert!(list.iter().all(|cell| (1..=limit).contains(&cell.count)));
             let cells = Cells::new(list.iter().map(|cell| cell.count));
             assert_eq!(cells.count(), list.len());

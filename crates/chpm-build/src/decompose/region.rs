@@ -1,7 +1,7 @@
 //! One region becomes leaves: cells, parts, triangles by part, leaves, and which of their vertices are shared.
 
 use super::cell_graph::{self, Cell};
-use super::grid::Grid;
+use super::grid::{Grid, Placement};
 use super::leaf::{self, Leaf, LeafMesh, LeafWriter};
 use super::load::{INNER, majority};
 use super::normals::{self, BorderSum};
@@ -161,10 +161,8 @@ fn cut(mesh: &Mesh, parts: u32, settings: &Settings, context: &Context<'_>) -> R
         return Ok(vec![0; mesh.vertices.positions.len()]);
     }
     let positions = &mesh.vertices.positions[..];
-    let grid =
-        Grid::build(positions, &Aabb::of_points(positions), settings.cell_vertices, &context.trace, &|| {
-            context.check()
-        })?;
+    let (bounds, limit) = (Aabb::of_points(positions), settings.cell_vertices);
+    let grid = Grid::build(positions, &bounds, limit, Placement::InBox, &context.trace, &|| context.check())?;
     let mut cells: Vec<u32> = positions.par_iter().with_min_len(1 << 12).map(|p| grid.cell_of(*p)).collect();
     let list: Vec<Cell> = grid.cells;
 
@@ -196,7 +194,8 @@ fn gather(
     let mut starts = vec![0usize; parts as usize + 1];
     let mut clusters = Vec::with_capacity(mesh.triangles.len());
     for triangle in &mesh.triangles {
-        let cluster = majority(*triangle, triangle.map(|v| part_of[v as usize]));
+        let cluster =
+            majority(triangle.map(|v| part_of[v as usize]), || triangle.iter().map(|v| *v as usize).sum());
         clusters.push(cluster as u16);
         starts[cluster as usize + 1] += 1;
     }

@@ -2,7 +2,7 @@
 
 use super::normals::BorderSum;
 use super::region::Mesh;
-use crate::config::{Normals, Settings};
+use crate::config::{Division, Normals, Settings};
 use crate::pairs::graph_bytes;
 use chpm_mesh::Attributes;
 use serde::{Deserialize, Serialize};
@@ -61,13 +61,12 @@ pub(crate) struct Shares {
 }
 
 impl Shares {
-    /// An equal share, unless regions were cut or have fewer triangles than it seemed.
+    /// An equal share, unless regions are as large as it comes, were cut, or have fewer triangles than it seemed.
     pub(super) fn of(self, mesh: &Mesh, settings: &Settings) -> u32 {
-        if self.regions == self.homes && self.copies + mesh.copies == 0 {
-            self.leaves.div_ceil(self.homes)
-        } else {
-            leaf_count(mesh.triangles.len(), settings)
-        }
+        let is_equal = settings.division == Division::Graph
+            && self.regions == self.homes
+            && self.copies + mesh.copies == 0;
+        if is_equal { self.leaves.div_ceil(self.homes) } else { leaf_count(mesh.triangles.len(), settings) }
     }
 }
 

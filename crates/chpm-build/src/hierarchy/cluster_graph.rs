@@ -14,14 +14,19 @@ const NEIGHBORS: u32 = 6;
 pub(crate) fn edges(decomposition: &Decomposition) -> Vec<(u32, u32, u32)> {
     let mut edges = shared_edges(decomposition);
     let centers: Vec<[f32; 3]> = decomposition.leaves.iter().map(|leaf| leaf.center).collect();
-    let pairs = nearest_pairs(&centers, NEIGHBORS, |_| true);
+    edges.extend(near_edges(&centers));
+    edges
+}
+
+/// Edges between what is near each other.
+pub(super) fn near_edges(centers: &[[f32; 3]]) -> impl Iterator<Item = (u32, u32, u32)> + use<> {
+    let pairs = nearest_pairs(centers, NEIGHBORS, |_| true);
     let positive = pairs.iter().map(|p| p.2).filter(|d| *d > 0.0);
     let nearest = positive.fold(f32::INFINITY, f32::min);
-    edges.extend(pairs.iter().map(|&(a, b, distance)| {
+    pairs.into_iter().map(move |(a, b, distance)| {
         let nearness = if distance > 0.0 { nearest / distance } else { 1.0 };
         (a, b, ((SHARED as f32 * nearness) as u32).max(1))
-    }));
-    edges
+    })
 }
 
 /// The graph of all leaves.
@@ -33,7 +38,7 @@ pub(crate) fn build(
 }
 
 /// One edge for each pair of leaves and interface that both are of; the graph adds them up.
-fn shared_edges(decomposition: &Decomposition) -> Vec<(u32, u32, u32)> {
+pub(super) fn shared_edges(decomposition: &Decomposition) -> Vec<(u32, u32, u32)> {
     let mut edges = Pairs::default();
     for (users, count) in decomposition.shared.interfaces() {
         let weight = SHARED.saturating_mul(count);

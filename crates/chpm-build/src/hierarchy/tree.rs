@@ -36,9 +36,14 @@ impl Tree {
         let mut nodes = vec![Node { level: 0, parent: None, children: None }; leaf_count];
         let members: Vec<u32> = (0..leaf_count as u32).collect();
         nodes.extend(split(graph, &members, leaf_count as u32, settings, context)?.1);
+        Ok(Tree::of_unsorted(nodes, leaf_count))
+    }
+
+    /// The tree of leaves and inner nodes, children before their parents, none of which is linked.
+    pub(super) fn of_unsorted(nodes: Vec<Node>, leaf_count: usize) -> Self {
         let mut tree = Tree::new(nodes);
         tree.sort_by_level(leaf_count);
-        Ok(tree)
+        tree
     }
 
     pub(crate) fn new(nodes: Vec<Node>) -> Self {
@@ -127,7 +132,7 @@ impl Tree {
 
 /// The root of the subtree over `members`, and its inner nodes in post-order: they are numbered from `leaf_count` on, and no parent is linked.
 /// Both halves are worked on side by side.
-fn split(
+pub(super) fn split(
     graph: &CsrGraph,
     members: &[u32],
     leaf_count: u32,
@@ -151,16 +156,26 @@ fn split(
     let (first, second) = rayon::join(|| half(0), || half(1));
     let ((first, mut nodes), (second, others)) = (first?, second?);
 
+    let second = append(&mut nodes, (second, others), leaf_count);
+    Ok((join(&mut nodes, [first, second], leaf_count), nodes))
+}
+
+/// Appends a subtree's inner nodes to others; answers which its root is there.
+pub(super) fn append(nodes: &mut Vec<Node>, (root, others): (u32, Vec<Node>), leaf_count: u32) -> u32 {
     let before = nodes.len() as u32;
     let moved = |node: u32| if node < leaf_count { node } else { node + before };
-    let others =
-        others.into_iter().map(|node| Node { children: node.children.map(|pair| pair.map(moved)), ..node });
-    nodes.extend(others);
-    let children = [first, moved(second)];
+    nodes.extend(
+        others.into_iter().map(|node| Node { children: node.children.map(|pair| pair.map(moved)), ..node }),
+    );
+    moved(root)
+}
+
+/// Appends the parent of two nodes to the inner nodes; answers which it is.
+pub(super) fn join(nodes: &mut Vec<Node>, children: [u32; 2], leaf_count: u32) -> u32 {
     let level = |node: u32| node.checked_sub(leaf_count).map_or(0, |inner| nodes[inner as usize].level);
     let level = 1 + level(children[0]).max(level(children[1]));
     nodes.push(Node { level, parent: None, children: Some(children) });
-    Ok((leaf_count + nodes.len() as u32 - 1, nodes))
+    leaf_count + nodes.len() as u32 - 1
 }
 
 /// Sides of the `count` nodes of `graph`, both fitting a tree of the least height.

@@ -4,10 +4,11 @@ use super::anew;
 use super::dependency::GroupBorders;
 use super::group_border::GroupBorder;
 use super::lasting;
+use super::memo::Kept;
 use super::vanished::Vanished;
 use super::working_set::{Child, WorkingSet};
 use super::{Clusters, PageRef};
-use crate::config::{Layout, Settings};
+use crate::config::{Division, Layout, Settings};
 use crate::decompose::Decomposition;
 use crate::error::BuildError;
 use crate::hierarchy::Tree;
@@ -53,6 +54,9 @@ pub(super) struct GroupDone {
     pub(super) members: Vec<(PageRef, LevelReport)>,
     /// Shared vertices that collapsed.
     pub(super) removed: Vec<u32>,
+    /// Where it is kept for later builds.
+    #[serde(skip)]
+    pub(super) kept: Option<Kept>,
 }
 
 /// Buffers of a group. A thread has one at a time, and works on members of others while its own are worked on elsewhere.
@@ -164,7 +168,7 @@ impl Scratch {
             (page.group_error, page.gaps, page.rest) = (group_error, gaps, rest);
             report.max_gap = gaps.base;
         }
-        Ok(GroupDone { members, removed })
+        Ok(GroupDone { members, removed, kept: None })
     }
 }
 
@@ -191,6 +195,21 @@ impl GroupTask<'_> {
     /// Gives a decimator the settings of the level.
     fn prepare(&self, decimator: &mut Decimator) {
         (decimator.topology, decimator.hasty) = (self.settings.topology, self.level < HASTY_LEVELS);
+    }
+
+    /// Whether clusters that have a shared vertex have not merged yet.
+    pub(super) fn is_locked(&self, id: u32) -> bool {
+        u32::from(self.release[self.decomposition.shared.interface_of(id) as usize]) > self.level
+    }
+
+    /// Remnants that a cluster has at most.
+    pub(super) fn most_lasting(&self) -> usize {
+        let nodes = self.tree.nodes.len();
+        lasting::most(match self.settings.division {
+            Division::Graph => nodes,
+            // A few clusters more or less are to change nothing elsewhere.
+            Division::Cubes => nodes.next_power_of_two(),
+        })
     }
 }
 
@@ -258,9 +277,7 @@ impl Member {
         }
 
         // Vertices whose clusters have merged by now are inner ones.
-        let shared = &task.decomposition.shared;
-        let release = |id: u32| u32::from(task.release[shared.interface_of(id) as usize]);
-        self.set.shared.retain(|(_, id)| release(*id) > task.level);
+        self.set.shared.retain(|(_, id)| task.is_locked(*id));
         Ok(())
     }
 
@@ -291,7 +308,7 @@ impl Member {
         let goal = if self.is_root { target.min(ROOT_TRIANGLES) } else { target };
         let outcome = decimator.decimate_after(&patch, group_border, goal, min_error);
         self.record.renumber(&patch, &outcome);
-        self.vanished.add_own(&outcome, &self.record, lasting::most(task.tree.nodes.len()));
+        self.vanished.add_own(&outcome, &self.record, task.most_lasting());
 
         self.report = LevelReport {
             level: task.level,

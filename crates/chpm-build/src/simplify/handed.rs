@@ -22,7 +22,7 @@ pub(crate) struct Handed {
 
 impl PageRef {
     /// The page and its remnants, which lie in the same spool.
-    fn in_pages(&mut self) -> [(&mut u64, usize); 2] {
+    pub(super) fn in_pages(&mut self) -> [(&mut u64, usize); 2] {
         [
             (&mut self.offset, self.len as usize),
             (&mut self.lasting, self.lasting_count as usize * size_of::<Lasting>()),
@@ -30,7 +30,7 @@ impl PageRef {
     }
 
     /// Blobs that a parent reads beside the page: places and lengths of the base mesh's triangles, displacements, attribute errors and dropped components.
-    fn beside(&mut self) -> [(&mut u64, usize); 4] {
+    pub(super) fn beside(&mut self) -> [(&mut u64, usize); 4] {
         let triangles = self.base_triangle_count as usize;
         [
             (&mut self.base_triangles, triangles * size_of::<[u16; 3]>()),

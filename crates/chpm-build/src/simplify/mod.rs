@@ -13,6 +13,7 @@ mod group_border;
 mod handed;
 mod lasting;
 mod levels;
+mod memo;
 mod merge;
 mod vanished;
 mod working_set;
@@ -35,6 +36,7 @@ use group::{Buffers, GroupDone, GroupTask, Scratch};
 pub(crate) use handed::Handed;
 pub(crate) use lasting::{REMNANT_BYTES, remnants};
 pub(crate) use levels::Levels;
+pub(crate) use memo::Memo;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -259,6 +261,9 @@ impl Levels {
         let results = self.simplify(self.done..self.groups().len(), group_borders, inputs)?;
         let _traced = inputs.context.trace.task("take");
         for done in results {
+            if let Some(memo) = &inputs.context.memo {
+                memo.keep(done.kept);
+            }
             self.take(done, inputs.decomposition);
         }
         Ok(())
@@ -287,9 +292,8 @@ impl Levels {
         };
 
         let open = &self.groups()[range];
-        while_not_due(open.len(), context, Scratch::default, |scratch, index| {
-            let group = &open[index];
-            let done = match cost::beyond_usual(group, tree, decomposition, &self.built) {
+        let work = |scratch: &mut Scratch, group: &[u32]| {
+            Ok(match cost::beyond_usual(group, tree, decomposition, &self.built) {
                 0 => scratch.run(&task, group, true)?,
                 more => {
                     // What the thread has kept counts as part of it, and goes before the rest is asked for; nothing so large is kept. Nor do
@@ -304,6 +308,14 @@ impl Levels {
                     forget(scratch);
                     done
                 }
+            })
+        };
+        let scratch = <(Scratch, memo::Reader)>::default;
+        while_not_due(open.len(), context, scratch, |(scratch, reader), index| {
+            let group = &open[index];
+            let done = match &context.memo {
+                None => work(scratch, group)?,
+                Some(memo) => memo.group(&task, group, reader, || work(scratch, group))?,
             };
             context.progress.advance(group.len() as u64);
             Ok(done)
