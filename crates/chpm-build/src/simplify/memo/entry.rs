@@ -16,13 +16,15 @@ pub(super) fn encode(task: &GroupTask<'_>, done: &GroupDone, ids: &Ids) -> Resul
     let (mut blobs, mut blob) = (Vec::new(), Vec::new());
     let mut members = done.members.clone();
     for (page, _) in &mut members {
-        for (place, len) in page.in_pages() {
+        let in_pages = page.in_pages();
+        for (is_page, (place, len)) in [true, false].into_iter().zip(in_pages) {
             task.built.pages.read(*place, len, &mut blob)?;
+            if is_page {
+                Page::renumber(&mut blob, |id| ids.number(id))?;
+            }
             *place = blobs.len() as u64;
             blobs.extend_from_slice(&blob);
         }
-        let (page_at, page_len) = (page.offset as usize, page.len as usize);
-        Page::renumber(&mut blobs[page_at..page_at + page_len], |id| ids.number(id))?;
         for (place, len) in page.beside() {
             task.displacements[task.level as usize].read(*place, len, &mut blob)?;
             *place = blobs.len() as u64;
