@@ -3,9 +3,9 @@
 use crate::clock::Clock;
 use crate::error::BuildError;
 use crate::ids::Ids;
+use crate::memo::Memo;
 use crate::progress::{BuildProgress, Stage};
 use crate::report::StageReport;
-use crate::simplify::Memo;
 use crate::trace::Trace;
 use chpm_extmem::{Cancel, Store, process};
 use std::sync::Mutex;
@@ -27,7 +27,7 @@ pub struct Context<'a> {
     pub(crate) ids: Ids,
     /// Where stages and tasks are recorded.
     pub(crate) trace: Trace,
-    /// Results of groups, kept for later builds.
+    /// Results for later builds.
     pub(crate) memo: Option<Memo>,
     stages: Mutex<Vec<StageReport>>,
 }

@@ -21,6 +21,7 @@ mod in_order;
 mod ingest;
 mod join;
 mod layout;
+mod memo;
 mod output;
 mod pairs;
 mod per_thread;

@@ -58,6 +58,21 @@ impl Leaf {
         Ok(())
     }
 
+    /// Spools the page anew, which `blob` has the bytes of, with other numbers of border vertices.
+    pub(super) fn spool_anew<'a>(
+        &mut self,
+        blob: impl FnOnce(u64, usize) -> Result<&'a [u8], BuildError>,
+        page: &mut Vec<u8>,
+        border: impl Fn(u32) -> u32,
+        spool: &Spool,
+    ) -> Result<(), BuildError> {
+        page.clear();
+        page.extend_from_slice(blob(self.offset, self.len as usize)?);
+        Page::renumber(page, |code| if code & INNER == 0 { border(code) } else { code })?;
+        self.offset = spool.append(page)?;
+        Ok(())
+    }
+
     /// The page has come to lie behind so many bytes.
     pub(super) fn shift(&mut self, before: u64) {
         self.offset += before;

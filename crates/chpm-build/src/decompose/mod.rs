@@ -15,6 +15,7 @@ mod gather;
 mod grid;
 mod ground;
 mod homes;
+mod known;
 mod leaf;
 mod load;
 mod normals;
@@ -140,9 +141,17 @@ fn work<I: Id>(
             let mesh = divided.load(region, context)?;
             drop(traced);
             let leaves = shares.of(&mesh, settings);
-            region::done(mesh, leaves, border_count, settings, &spool, context)
+            match &context.memo {
+                None => region::done(mesh, leaves, border_count, settings, &spool, context),
+                Some(memo) => known::done(memo, mesh, leaves, border_count, settings, &spool, context),
+            }
         },
-        |done| gatherer.take(done),
+        |done| {
+            if let Some(memo) = &context.memo {
+                memo.keep(done.kept);
+            }
+            gatherer.take(done)
+        },
     )?;
     let traced = context.trace.task("drop");
     drop((divided, share));

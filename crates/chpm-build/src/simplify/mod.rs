@@ -11,9 +11,9 @@ mod dependency;
 mod group;
 mod group_border;
 mod handed;
+mod known;
 mod lasting;
 mod levels;
-mod memo;
 mod merge;
 mod vanished;
 mod working_set;
@@ -36,7 +36,6 @@ use group::{Buffers, GroupDone, GroupTask, Scratch};
 pub(crate) use handed::Handed;
 pub(crate) use lasting::{REMNANT_BYTES, remnants};
 pub(crate) use levels::Levels;
-pub(crate) use memo::Memo;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -310,12 +309,12 @@ impl Levels {
                 }
             })
         };
-        let scratch = <(Scratch, memo::Reader)>::default;
+        let scratch = <(Scratch, known::Reader)>::default;
         while_not_due(open.len(), context, scratch, |(scratch, reader), index| {
             let group = &open[index];
             let done = match &context.memo {
                 None => work(scratch, group)?,
-                Some(memo) => memo.group(&task, group, reader, || work(scratch, group))?,
+                Some(memo) => known::group(memo, &task, group, reader, || work(scratch, group))?,
             };
             context.progress.advance(group.len() as u64);
             Ok(done)

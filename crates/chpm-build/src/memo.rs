@@ -1,47 +1,90 @@
-//! Results of groups, kept beside a model for the next build of a source that has changed somewhere (`chpm build --update`).
+//! Results of regions and groups, kept beside a model for the next build of a source that has changed somewhere (`chpm build --update`).
 //!
-//! A result goes by a hash of all that decides it ([`key`]), in which shared vertices are numbered by the group alone ([`ids`]); so it is the same in whatever
-//! model the group is found again, and needs no rule for what a change reaches. The file is a part with the results one after another and their places by key.
+//! A result goes by a hash of all that decides it, in which vertices have numbers of the region's or group's own: so it is the same in whatever model that is found
+//! again, and no rule is needed for how far a change reaches. The file is a part with the results one after another and their places by key.
 
-mod entry;
-mod ids;
-mod key;
-
-use super::group::{GroupDone, GroupTask};
 use crate::error::BuildError;
 use crate::fingerprint::GENERATOR;
 use bincode::serde::{decode_from_slice, encode_to_vec};
 use chpm_extmem::{ExtmemError, FailPoints, PartFile, PartWriter, Spool, Store};
-use ids::Ids;
-pub(super) use key::Reader;
 use std::collections::HashSet;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use xxhash_rust::xxh3::Xxh3;
 
 const CONFIG: bincode::config::Configuration = bincode::config::standard();
 /// Changes with the meaning of keys and results.
 const VERSION: u32 = 1;
 
-/// Hash of all that decides what becomes of a group.
-type Key = u128;
+/// Hash of all that decides a result.
+pub(crate) type Key = u128;
 
 /// Place of a result: its key, where it is, how long it is.
 type Row = (Key, u64, u32);
 
 /// The file beside a model.
-pub(crate) fn beside(model: &Path) -> PathBuf {
+fn beside(model: &Path) -> PathBuf {
     let mut name = OsString::from(model);
     name.push(".memo");
     PathBuf::from(name)
 }
 
-/// The results of one model's groups.
+/// Kinds of results.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Kind {
+    /// Leaves of a region.
+    Region,
+    /// Simplified members of a group.
+    Group,
+}
+
+/// Adds a value to a hash.
+pub(crate) fn hash_value(hash: &mut Xxh3, value: &impl serde::Serialize) -> Result<(), BuildError> {
+    hash.update(&encoded(value)?);
+    Ok(())
+}
+
+/// A value as results have it.
+pub(crate) fn encoded(value: &impl serde::Serialize) -> Result<Vec<u8>, BuildError> {
+    encode_to_vec(value, CONFIG).map_err(|error| BuildError::Record(error.to_string()))
+}
+
+/// A result: a record, and behind it the blobs that places in it are of.
+pub(crate) fn sealed(record: &impl serde::Serialize, blobs: &[u8]) -> Result<Vec<u8>, BuildError> {
+    let record = encoded(record)?;
+    Ok([&(record.len() as u64).to_le_bytes()[..], &record, blobs].concat())
+}
+
+/// Record and blobs of a result.
+pub(crate) fn opened<T: serde::de::DeserializeOwned>(bytes: &[u8]) -> Result<(T, Blobs<'_>), BuildError> {
+    let (len, rest) = bytes.split_first_chunk::<8>().ok_or_else(unknown)?;
+    let (record, blobs) = rest.split_at_checked(u64::from_le_bytes(*len) as usize).ok_or_else(unknown)?;
+    Ok((decode_from_slice(record, CONFIG).map_err(|_| unknown())?.0, Blobs(blobs)))
+}
+
+/// Blobs of a result.
+pub(crate) struct Blobs<'a>(&'a [u8]);
+
+impl<'a> Blobs<'a> {
+    pub(crate) fn get(&self, place: u64, len: usize) -> Result<&'a [u8], BuildError> {
+        let place = place as usize;
+        place.checked_add(len).and_then(|end| self.0.get(place..end)).ok_or_else(unknown)
+    }
+}
+
+fn unknown() -> BuildError {
+    BuildError::Record("a result in a memo".to_owned())
+}
+
+/// The results of one model.
 #[derive(Debug)]
 pub(crate) struct Memo {
     /// The file that is made.
     path: PathBuf,
+    /// Whether there was one to take from.
+    updates: bool,
     fail_points: FailPoints,
     /// Those of an earlier build; none once what is kept of it has been copied.
     earlier: Mutex<Option<Arc<Earlier>>>,
@@ -49,14 +92,15 @@ pub(crate) struct Memo {
     fresh: Spool,
     /// Where all that the model has are, in the order of its groups.
     kept: Mutex<Vec<Kept>>,
-    taken: AtomicU64,
-    made: AtomicU64,
+    /// By kind.
+    taken: [AtomicU64; 2],
+    made: [AtomicU64; 2],
     damaged: AtomicU64,
 }
 
 /// A result that the model has.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Kept {
+pub(crate) struct Kept {
     key: Key,
     is_fresh: bool,
     offset: u64,
@@ -113,71 +157,53 @@ impl Memo {
         let earlier = earlier.map(|model| Earlier::open(model, fail_points)).transpose()?;
         Ok(Memo {
             path: beside(model),
+            updates: earlier.is_some(),
             fail_points: fail_points.clone(),
             earlier: Mutex::new(earlier.map(Arc::new)),
-            fresh: Spool::new(store, "results of groups"),
+            fresh: Spool::new(store, "results for later builds"),
             kept: Mutex::default(),
-            taken: AtomicU64::new(0),
-            made: AtomicU64::new(0),
+            taken: Default::default(),
+            made: Default::default(),
             damaged: AtomicU64::new(0),
         })
     }
 
-    /// What becomes of a group: as it was before where that is known, else as `run` does it.
-    pub(super) fn group(
-        &self,
-        task: &GroupTask<'_>,
-        group: &[u32],
-        reader: &mut Reader,
-        run: impl FnOnce() -> Result<GroupDone, BuildError>,
-    ) -> Result<GroupDone, BuildError> {
-        // Errors of a root are found beside meshes far below it.
-        if group.iter().any(|node| task.tree.is_root(*node)) {
-            return run();
-        }
-        let (key, ids) = reader.key(task, group)?;
-        if let Some(done) = self.known(task, key, &ids)? {
-            self.taken.fetch_add(1, Relaxed);
-            return Ok(done);
-        }
-        let mut done = run()?;
-        let bytes = entry::encode(task, &done, &ids)?;
-        let kept = Kept { key, is_fresh: true, offset: self.fresh.append(&bytes)?, len: bytes.len() as u32 };
-        done.kept = Some(kept);
-        self.made.fetch_add(1, Relaxed);
-        Ok(done)
-    }
-
     /// A result of the earlier build. One that is damaged is none.
-    fn known(&self, task: &GroupTask<'_>, key: Key, ids: &Ids) -> Result<Option<GroupDone>, BuildError> {
+    pub(crate) fn find(&self, kind: Kind, key: Key) -> Result<Option<(Vec<u8>, Kept)>, BuildError> {
         let Some(earlier) = lock(&self.earlier).clone() else { return Ok(None) };
         let Some((key, offset, len)) = earlier.find(key) else { return Ok(None) };
-        let bytes: Vec<u8> = match earlier.part.read_items(offset, len as usize) {
-            Ok(bytes) => bytes,
+        match earlier.part.read_items(offset, len as usize) {
+            Ok(bytes) => {
+                self.taken[kind as usize].fetch_add(1, Relaxed);
+                Ok(Some((bytes, Kept { key, is_fresh: false, offset, len })))
+            }
             Err(ExtmemError::Damaged { .. }) => {
                 self.damaged.fetch_add(1, Relaxed);
-                return Ok(None);
+                Ok(None)
             }
-            Err(error) => return Err(error.into()),
-        };
-        let mut done = entry::decode(task, &bytes, ids)?;
-        done.kept = Some(Kept { key, is_fresh: false, offset, len });
-        Ok(Some(done))
+            Err(error) => Err(error.into()),
+        }
     }
 
-    /// Notes the result of the next group.
-    pub(super) fn keep(&self, kept: Option<Kept>) {
+    /// Takes in a result that was made.
+    pub(crate) fn add(&self, kind: Kind, key: Key, bytes: &[u8]) -> Result<Kept, BuildError> {
+        self.made[kind as usize].fetch_add(1, Relaxed);
+        Ok(Kept { key, is_fresh: true, offset: self.fresh.append(bytes)?, len: bytes.len() as u32 })
+    }
+
+    /// Notes the result of the next region or group.
+    pub(crate) fn keep(&self, kept: Option<Kept>) {
         lock(&self.kept).extend(kept);
     }
 
-    /// Writes the memo of the model, once all its groups are done.
+    /// Writes the memo of the model, once all is done.
     pub(crate) fn finish(&self) -> Result<(), BuildError> {
         let mut out = PartWriter::create(&self.path, self.fail_points.clone())?;
         let earlier = lock(&self.earlier).take();
         let (mut rows, mut met) = (Vec::new(), HashSet::new());
         let mut bytes = Vec::new();
         for Kept { key, is_fresh, offset, len } in lock(&self.kept).drain(..) {
-            // Groups of the same shape in the same place have one.
+            // What is the same in the same place has one.
             if !met.insert(key) {
                 continue;
             }
@@ -190,24 +216,30 @@ impl Memo {
         // Where it is replaced, some systems want that nobody has it open.
         drop(earlier);
         rows.sort_unstable();
-        let encoded = |error: bincode::error::EncodeError| BuildError::Record(error.to_string());
-        let head = encode_to_vec((VERSION, GENERATOR), CONFIG).map_err(encoded)?;
-        out.finish(&head, &encode_to_vec(&rows, CONFIG).map_err(encoded)?)?;
+        out.finish(&encoded(&(VERSION, GENERATOR))?, &encoded(&rows)?)?;
         Ok(())
     }
 
-    /// Groups that were as before, of how many, in a sentence; and whether any were damaged.
+    /// What is as it was before, of how many, in a sentence; and whether any were damaged. Nothing of a build that looks for nothing.
     pub(crate) fn notes(&self) -> Vec<String> {
-        let [taken, made, damaged] =
-            [&self.taken, &self.made, &self.damaged].map(|count| count.load(Relaxed));
-        let mut notes = vec![format!("{taken} of {} groups of clusters are as they were", taken + made)];
+        let count = |counts: &[AtomicU64; 2], kind: Kind| counts[kind as usize].load(Relaxed);
+        let told = |kind: Kind| {
+            let taken = count(&self.taken, kind);
+            format!("{taken} of {}", taken + count(&self.made, kind))
+        };
+        let (regions, groups) = (told(Kind::Region), told(Kind::Group));
+        let mut notes = Vec::new();
+        if self.updates {
+            notes.push(format!("as before: {regions} regions, {groups} groups of clusters"));
+        }
+        let damaged = self.damaged.load(Relaxed);
         if damaged > 0 {
-            notes.push(format!("{damaged} more were damaged in the memo, and were made anew"));
+            notes.push(format!("results that were damaged in the memo, and were made anew: {damaged}"));
         }
         notes
     }
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

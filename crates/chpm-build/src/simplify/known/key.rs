@@ -1,10 +1,9 @@
 //! Keys: a hash of all that decides what becomes of a group, but for the ids of its shared vertices.
 
 use super::ids::Ids;
-use super::{CONFIG, Key};
 use crate::error::BuildError;
+use crate::memo::{Key, Kind, hash_value};
 use crate::simplify::group::GroupTask;
-use bincode::serde::encode_to_vec;
 use chpm_format::Page;
 use xxhash_rust::xxh3::Xxh3;
 
@@ -28,12 +27,19 @@ impl Reader {
     pub(super) fn key(&mut self, task: &GroupTask<'_>, group: &[u32]) -> Result<(Key, Ids), BuildError> {
         let mut hash = Xxh3::new();
         let settings = task.settings;
-        let decides = (settings.keep, settings.topology, settings.layout, task.level, task.most_lasting());
-        add(&mut hash, &(decides, task.decomposition.rounding))?;
+        let decides = (
+            Kind::Group as u8,
+            settings.keep,
+            settings.topology,
+            settings.layout,
+            task.level,
+            task.most_lasting(),
+        );
+        hash_value(&mut hash, &(decides, task.decomposition.rounding))?;
         self.met.clear();
         for node in group {
             let children = task.built.children(task.tree, *node);
-            add(&mut hash, &(children.len() as u64))?;
+            hash_value(&mut hash, &(children.len() as u64))?;
             match children {
                 [] => self.add_leaf(&mut hash, task, *node)?,
                 _ => children.iter().try_for_each(|child| self.add_child(&mut hash, task, *child))?,
@@ -67,11 +73,11 @@ impl Reader {
         self.met.extend(Page::view(&self.bytes)?.shared().map(|(_, id)| id));
         self.add_page(hash)?;
         let told = (page.bare_count, page.gaps.base, page.rest, page.group_error);
-        add(hash, &(told, page.source, page.deviation))?;
+        hash_value(hash, &(told, page.source, page.deviation))?;
         let beside = &task.displacements[task.tree.nodes[child as usize].level as usize];
         for (place, len) in page.beside() {
             beside.read(*place, len, &mut self.bytes)?;
-            add(hash, &(len as u64))?;
+            hash_value(hash, &(len as u64))?;
             hash.update(&self.bytes);
         }
         Ok(())
@@ -80,14 +86,8 @@ impl Reader {
     /// The page that was read, without its ids.
     fn add_page(&mut self, hash: &mut Xxh3) -> Result<(), BuildError> {
         Page::renumber(&mut self.bytes, |_| 0)?;
-        add(hash, &(self.bytes.len() as u64))?;
+        hash_value(hash, &(self.bytes.len() as u64))?;
         hash.update(&self.bytes);
         Ok(())
     }
-}
-
-fn add(hash: &mut Xxh3, value: &impl serde::Serialize) -> Result<(), BuildError> {
-    let bytes = encode_to_vec(value, CONFIG).map_err(|error| BuildError::Record(error.to_string()))?;
-    hash.update(&bytes);
-    Ok(())
 }

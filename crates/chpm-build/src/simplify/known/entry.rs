@@ -1,12 +1,11 @@
 //! Results as they are kept: a record, and behind it the blobs that its places are of.
 
-use super::CONFIG;
 use super::ids::Ids;
 use crate::error::BuildError;
+use crate::memo::{opened, sealed};
 use crate::report::LevelReport;
 use crate::simplify::PageRef;
 use crate::simplify::group::{GroupDone, GroupTask};
-use bincode::serde::{decode_from_slice, encode_to_vec};
 use chpm_format::Page;
 
 type Members = Vec<(PageRef, LevelReport)>;
@@ -32,32 +31,23 @@ pub(super) fn encode(task: &GroupTask<'_>, done: &GroupDone, ids: &Ids) -> Resul
         }
     }
     let removed: Vec<u32> = done.removed.iter().map(|id| ids.number(*id)).collect();
-    let record =
-        encode_to_vec((members, removed), CONFIG).map_err(|error| BuildError::Record(error.to_string()))?;
-    Ok([&(record.len() as u64).to_le_bytes()[..], &record, &blobs].concat())
+    sealed(&(members, removed), &blobs)
 }
 
 /// The result in the ids of this model, its blobs spooled.
 pub(super) fn decode(task: &GroupTask<'_>, bytes: &[u8], ids: &Ids) -> Result<GroupDone, BuildError> {
-    let unknown = || BuildError::Record("a result of a group in the memo".to_owned());
-    let (len, rest) = bytes.split_first_chunk::<8>().ok_or_else(unknown)?;
-    let len = u64::from_le_bytes(*len) as usize;
-    let (record, blobs) = rest.split_at_checked(len).ok_or_else(unknown)?;
-    let ((mut members, removed), _): ((Members, Vec<u32>), usize) =
-        decode_from_slice(record, CONFIG).map_err(|_| unknown())?;
-
-    let blob = |place: u64, len: usize| blobs.get(place as usize..place as usize + len).ok_or_else(unknown);
+    let ((mut members, removed), blobs) = opened::<(Members, Vec<u32>)>(bytes)?;
     let id = |number: u32| ids.id(number).unwrap_or(u32::MAX);
     for (page, _) in &mut members {
-        let mut own = blob(page.offset, page.len as usize)?.to_vec();
+        let mut own = blobs.get(page.offset, page.len as usize)?.to_vec();
         Page::renumber(&mut own, id)?;
         let [_, (lasting, lasting_len)] = page.in_pages();
         if lasting_len > 0 {
-            *lasting = task.built.pages.append(blob(*lasting, lasting_len)?)?;
+            *lasting = task.built.pages.append(blobs.get(*lasting, lasting_len)?)?;
         }
         page.offset = task.built.pages.append(&own)?;
         for (place, len) in page.beside() {
-            *place = task.displacements[task.level as usize].append(blob(*place, len)?)?;
+            *place = task.displacements[task.level as usize].append(blobs.get(*place, len)?)?;
         }
     }
     Ok(GroupDone { members, removed: removed.into_iter().map(id).collect(), kept: None })
