@@ -134,6 +134,8 @@ mod integration {
     mod tiles;
     /// `build --trace`: what each thread did when.
     mod trace;
+    /// A source that has changed somewhere, built anew there alone.
+    mod update;
     /// What a camera needs: extracted without cracks, and less where it is far away.
     mod view;
     /// Pages in files of their own: the model is the same, and what is not theirs is refused by name.

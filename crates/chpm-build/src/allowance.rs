@@ -20,7 +20,7 @@ const REGIONS: u64 = 16;
 /// each cluster. Binary triangles take some 19 bytes, and leave 0.8 (measured with isosurfaces and terrains).
 const SOURCE_PER_TABLE: u64 = 20;
 /// Bytes of the tables for each node of the tree, and of what is made of them at the end.
-const NODE: u64 = 740;
+const NODE: u64 = 760;
 
 /// The threads that `resources` has memory for, `available` at most, and the budget that is left for a source of so many bytes.
 pub(crate) fn divide(resources: &Resources, available: usize, source_len: u64) -> (usize, Arc<MemoryBudget>) {

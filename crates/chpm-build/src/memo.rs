@@ -31,13 +31,22 @@ fn beside(model: &Path) -> PathBuf {
     PathBuf::from(name)
 }
 
-/// Kinds of results.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Kind {
-    /// Leaves of a region.
-    Region,
-    /// Simplified members of a group.
-    Group,
+/// Whose result it is. Results are kept in this order.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub(crate) enum Owner {
+    /// A region, whose leaves are known.
+    Region(usize),
+    /// A group of a level, whose members are simplified.
+    Group(u32, usize),
+}
+
+impl Owner {
+    fn kind(self) -> usize {
+        match self {
+            Owner::Region(_) => 0,
+            Owner::Group(..) => 1,
+        }
+    }
 }
 
 /// Adds a value to a hash.
@@ -90,7 +99,7 @@ pub(crate) struct Memo {
     earlier: Mutex<Option<Arc<Earlier>>>,
     /// Those of this one.
     fresh: Spool,
-    /// Where all that the model has are, in the order of its groups.
+    /// Where all that the model has are.
     kept: Mutex<Vec<Kept>>,
     /// By kind.
     taken: [AtomicU64; 2],
@@ -99,8 +108,9 @@ pub(crate) struct Memo {
 }
 
 /// A result that the model has.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Kept {
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+struct Kept {
+    owner: Owner,
     key: Key,
     is_fresh: bool,
     offset: u64,
@@ -169,13 +179,14 @@ impl Memo {
     }
 
     /// A result of the earlier build. One that is damaged is none.
-    pub(crate) fn find(&self, kind: Kind, key: Key) -> Result<Option<(Vec<u8>, Kept)>, BuildError> {
+    pub(crate) fn find(&self, owner: Owner, key: Key) -> Result<Option<Vec<u8>>, BuildError> {
         let Some(earlier) = lock(&self.earlier).clone() else { return Ok(None) };
         let Some((key, offset, len)) = earlier.find(key) else { return Ok(None) };
         match earlier.part.read_items(offset, len as usize) {
             Ok(bytes) => {
-                self.taken[kind as usize].fetch_add(1, Relaxed);
-                Ok(Some((bytes, Kept { key, is_fresh: false, offset, len })))
+                self.taken[owner.kind()].fetch_add(1, Relaxed);
+                lock(&self.kept).push(Kept { owner, key, is_fresh: false, offset, len });
+                Ok(Some(bytes))
             }
             Err(ExtmemError::Damaged { .. }) => {
                 self.damaged.fetch_add(1, Relaxed);
@@ -186,14 +197,11 @@ impl Memo {
     }
 
     /// Takes in a result that was made.
-    pub(crate) fn add(&self, kind: Kind, key: Key, bytes: &[u8]) -> Result<Kept, BuildError> {
-        self.made[kind as usize].fetch_add(1, Relaxed);
-        Ok(Kept { key, is_fresh: true, offset: self.fresh.append(bytes)?, len: bytes.len() as u32 })
-    }
-
-    /// Notes the result of the next region or group.
-    pub(crate) fn keep(&self, kept: Option<Kept>) {
-        lock(&self.kept).extend(kept);
+    pub(crate) fn add(&self, owner: Owner, key: Key, bytes: &[u8]) -> Result<(), BuildError> {
+        self.made[owner.kind()].fetch_add(1, Relaxed);
+        let (offset, len) = (self.fresh.append(bytes)?, bytes.len() as u32);
+        lock(&self.kept).push(Kept { owner, key, is_fresh: true, offset, len });
+        Ok(())
     }
 
     /// Writes the memo of the model, once all is done.
@@ -202,7 +210,9 @@ impl Memo {
         let earlier = lock(&self.earlier).take();
         let (mut rows, mut met) = (Vec::new(), HashSet::new());
         let mut bytes = Vec::new();
-        for Kept { key, is_fresh, offset, len } in lock(&self.kept).drain(..) {
+        let mut kept = std::mem::take(&mut *lock(&self.kept));
+        kept.sort_unstable();
+        for Kept { key, is_fresh, offset, len, .. } in kept {
             // What is the same in the same place has one.
             if !met.insert(key) {
                 continue;
@@ -222,12 +232,11 @@ impl Memo {
 
     /// What is as it was before, of how many, in a sentence; and whether any were damaged. Nothing of a build that looks for nothing.
     pub(crate) fn notes(&self) -> Vec<String> {
-        let count = |counts: &[AtomicU64; 2], kind: Kind| counts[kind as usize].load(Relaxed);
-        let told = |kind: Kind| {
-            let taken = count(&self.taken, kind);
-            format!("{taken} of {}", taken + count(&self.made, kind))
+        let told = |kind: usize| {
+            let [taken, made] = [&self.taken, &self.made].map(|counts| counts[kind].load(Relaxed));
+            format!("{taken} of {}", taken + made)
         };
-        let (regions, groups) = (told(Kind::Region), told(Kind::Group));
+        let (regions, groups) = (told(Owner::Region(0).kind()), told(Owner::Group(0, 0).kind()));
         let mut notes = Vec::new();
         if self.updates {
             notes.push(format!("as before: {regions} regions, {groups} groups of clusters"));

@@ -116,7 +116,6 @@ mod tests {
             referenced: 0,
             copies: 0,
             normals: Vec::new(),
-            kept: None,
         };
         let mut gatherer = Gatherer::new(1000, 0, &Settings::default(), &store).unwrap();
         gatherer.take(done(u32::MAX - 1007)).unwrap();

@@ -162,8 +162,9 @@ pub(crate) struct Grid {
     slots: Vec<u32>,
     /// Centre and vertex count of each numbered cell.
     pub(crate) cells: Vec<Cell>,
-    /// Their places in the octree.
+    /// Their places in the octree, if they lie at multiples of their side.
     pub(crate) keys: Vec<OctreeKey>,
+    placement: Placement,
 }
 
 impl Grid {
@@ -190,7 +191,7 @@ impl Grid {
             }
         };
         let slots = vec![0; dims.iter().product::<u32>() as usize];
-        Grid { origin, scale, dims, first, slots, cells: Vec::new(), keys: Vec::new() }
+        Grid { origin, scale, dims, first, slots, cells: Vec::new(), keys: Vec::new(), placement }
     }
 
     /// Subdivides until no cell holds more than `limit` of the `positions`, all of which lie in `bounds`, but in one point. `check` is
@@ -341,7 +342,9 @@ impl Grid {
         } else if value > 0 {
             self.slots[slot] = self.cells.len() as u32;
             self.cells.push(Cell { center: corner.map(|x| (x + 0.5 * side) as f32), count: value });
-            self.keys.push(key << (3 * below));
+            if self.placement == Placement::AtMultiples {
+                self.keys.push(key << (3 * below));
+            }
         }
     }
 }

@@ -6,7 +6,7 @@ use super::region::{self, Done, Mesh};
 use crate::config::{Normals, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
-use crate::memo::{Key, Kind, Memo, hash_value, opened, sealed};
+use crate::memo::{Key, Memo, Owner, hash_value, opened, sealed};
 use bytemuck::cast_slice;
 use chpm_extmem::Spool;
 use xxhash_rust::xxh3::Xxh3;
@@ -38,7 +38,7 @@ impl Borders {
 
 /// Result of a region, as the memo has it or made. `border_count` is that of the whole source.
 pub(super) fn done(
-    memo: &Memo,
+    (memo, region): (&Memo, usize),
     mut mesh: Mesh,
     parts: u32,
     border_count: u32,
@@ -48,9 +48,10 @@ pub(super) fn done(
 ) -> Result<Done, BuildError> {
     let borders = Borders::take(&mut mesh);
     let key = key(&mesh, parts, settings)?;
-    if let Some((bytes, kept)) = memo.find(Kind::Region, key)? {
+    let owner = Owner::Region(region);
+    if let Some(bytes) = memo.find(owner, key)? {
         context.progress.advance(mesh.triangles.len() as u64);
-        return Ok(Done { kept: Some(kept), ..taken_over(&bytes, &borders, border_count, spool)? });
+        return taken_over(&bytes, &borders, border_count, spool);
     }
 
     let scratch = Spool::new(&context.store, "leaves of a region");
@@ -64,8 +65,8 @@ pub(super) fn done(
     }
     let bytes = sealed(&done, &blobs)?;
     drop((scratch, blobs, done));
-    let kept = memo.add(Kind::Region, key, &bytes)?;
-    Ok(Done { kept: Some(kept), ..taken_over(&bytes, &borders, border_count, spool)? })
+    memo.add(owner, key, &bytes)?;
+    taken_over(&bytes, &borders, border_count, spool)
 }
 
 /// Hash of all that decides the leaves of a region.
@@ -74,7 +75,7 @@ fn key(mesh: &Mesh, parts: u32, settings: &Settings) -> Result<Key, BuildError> 
     let Settings { cell_vertices, cell_neighbors, partitioner, seed, normals, .. } = settings;
     let decides =
         (cell_vertices, cell_neighbors, partitioner.to_string(), seed, *normals == Normals::Computed);
-    hash_value(&mut hash, &(Kind::Region as u8, parts, decides))?;
+    hash_value(&mut hash, &("region", parts, decides))?;
     hash_value(&mut hash, &(mesh.copies, mesh.referenced))?;
     let vertices = &mesh.vertices;
     let columns: [&[u8]; 7] = [

@@ -143,15 +143,12 @@ fn work<I: Id>(
             let leaves = shares.of(&mesh, settings);
             match &context.memo {
                 None => region::done(mesh, leaves, border_count, settings, &spool, context),
-                Some(memo) => known::done(memo, mesh, leaves, border_count, settings, &spool, context),
+                Some(memo) => {
+                    known::done((memo, region), mesh, leaves, border_count, settings, &spool, context)
+                }
             }
         },
-        |done| {
-            if let Some(memo) = &context.memo {
-                memo.keep(done.kept);
-            }
-            gatherer.take(done)
-        },
+        |done| gatherer.take(done),
     )?;
     let traced = context.trace.task("drop");
     drop((divided, share));

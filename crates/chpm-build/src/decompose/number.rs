@@ -90,21 +90,22 @@ impl Cells {
 pub(crate) struct Numbered<I: Id> {
     /// The cells, in the order of the new numbers.
     pub(crate) cells: Vec<Cell>,
-    /// Their places in the octree.
+    /// Their places in the octree, if they lie at multiples of their side.
     pub(crate) keys: Vec<OctreeKey>,
     /// By vertex, its new number: by cell, in the source's order within one.
     pub(crate) mapping: Column<I>,
 }
 
-/// The cells with their places, those of more than `limit` vertices cut into pieces that follow one another.
-fn cut(cells: &[Cell], keys: &[OctreeKey], limit: u32) -> (Vec<Cell>, Vec<OctreeKey>) {
-    let mut list = (Vec::with_capacity(cells.len()), Vec::with_capacity(cells.len()));
-    for (cell, key) in cells.iter().zip(keys) {
+/// The cells, those of more than `limit` vertices cut into pieces that follow one another; and as many times what each has in `of`, if that is not empty.
+fn cut(cells: &[Cell], of: &[OctreeKey], limit: u32) -> (Vec<Cell>, Vec<OctreeKey>) {
+    let (mut list, mut keys) = (Vec::with_capacity(cells.len()), Vec::with_capacity(of.len()));
+    for (index, cell) in cells.iter().enumerate() {
         let pieces = cell.count.div_ceil(limit.max(1));
         let share = |piece: u32| (u64::from(cell.count) * u64::from(piece) / u64::from(pieces)) as u32;
-        list.extend((0..pieces).map(|p| (Cell { count: share(p + 1) - share(p), ..*cell }, *key)));
+        list.extend((0..pieces).map(|p| Cell { count: share(p + 1) - share(p), ..*cell }));
+        keys.extend(of.get(index).into_iter().flat_map(|key| std::iter::repeat_n(*key, pieces as usize)));
     }
-    list
+    (list, keys)
 }
 
 /// Cells of at most `limit` vertices each, and the new number of every vertex.

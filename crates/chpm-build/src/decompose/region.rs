@@ -10,7 +10,6 @@ use super::topology::{Ledger, Surveyor, TopologyCounts};
 use crate::config::{Normals, Settings};
 use crate::context::Context;
 use crate::error::BuildError;
-use crate::memo::Kept;
 use crate::pairs::Pairs;
 use chpm_extmem::Spool;
 use chpm_mesh::{Aabb, Vertices};
@@ -48,9 +47,6 @@ pub(crate) struct Done {
     pub(crate) copies: u64,
     /// Sums of normals about border vertices, if normals are computed.
     pub(crate) normals: Vec<BorderSum>,
-    /// Where it is kept for later builds.
-    #[serde(skip)]
-    pub(crate) kept: Option<Kept>,
 }
 
 /// Sets of leaves, with the number of vertices that each has to itself. Shared vertices of one region are numbered by these.
@@ -107,16 +103,7 @@ pub(crate) fn run(
         let (leaves, interfaces) = (Vec::new(), Interfaces::default());
         let (border_uses, topology) = (Vec::new(), TopologyCounts::default());
         let (referenced, normals) = (mesh.referenced, Vec::new());
-        return Ok(Done {
-            leaves,
-            interfaces,
-            border_uses,
-            topology,
-            referenced,
-            copies: 0,
-            normals,
-            kept: None,
-        });
+        return Ok(Done { leaves, interfaces, border_uses, topology, referenced, copies: 0, normals });
     }
     let traced = context.trace.task("cut");
     let part_of = cut(mesh, parts, settings, context)?;
@@ -158,16 +145,7 @@ pub(crate) fn run(
     };
     let topology = ledger.close(inner_count).renumbered(global);
     let (referenced, copies) = (mesh.referenced, mesh.copies);
-    Ok(Done {
-        leaves,
-        interfaces,
-        border_uses,
-        topology,
-        referenced,
-        copies,
-        normals: Vec::new(),
-        kept: None,
-    })
+    Ok(Done { leaves, interfaces, border_uses, topology, referenced, copies, normals: Vec::new() })
 }
 
 fn code(number: u32, shared_border: &[u32], shared_inner_count: u32) -> u32 {

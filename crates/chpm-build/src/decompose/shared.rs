@@ -275,7 +275,6 @@ mod tests {
             referenced: 5,
             copies: 0,
             normals: Vec::new(),
-            kept: None,
         };
         // As it would come from another machine.
         let config = bincode::config::standard();

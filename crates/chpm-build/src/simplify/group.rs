@@ -11,7 +11,6 @@ use crate::config::{Division, Layout, Settings};
 use crate::decompose::Decomposition;
 use crate::error::BuildError;
 use crate::hierarchy::Tree;
-use crate::memo::Kept;
 use crate::per_thread::PerThread;
 use crate::report::LevelReport;
 use crate::trace::Trace;
@@ -54,9 +53,6 @@ pub(super) struct GroupDone {
     pub(super) members: Vec<(PageRef, LevelReport)>,
     /// Shared vertices that collapsed.
     pub(super) removed: Vec<u32>,
-    /// Where it is kept for later builds.
-    #[serde(skip)]
-    pub(super) kept: Option<Kept>,
 }
 
 /// Buffers of a group. A thread has one at a time, and works on members of others while its own are worked on elsewhere.
@@ -168,7 +164,7 @@ impl Scratch {
             (page.group_error, page.gaps, page.rest) = (group_error, gaps, rest);
             report.max_gap = gaps.base;
         }
-        Ok(GroupDone { members, removed, kept: None })
+        Ok(GroupDone { members, removed })
     }
 }
 

@@ -260,9 +260,6 @@ impl Levels {
         let results = self.simplify(self.done..self.groups().len(), group_borders, inputs)?;
         let _traced = inputs.context.trace.task("take");
         for done in results {
-            if let Some(memo) = &inputs.context.memo {
-                memo.keep(done.kept);
-            }
             self.take(done, inputs.decomposition);
         }
         Ok(())
@@ -290,7 +287,7 @@ impl Levels {
             settings,
         };
 
-        let open = &self.groups()[range];
+        let (first, open) = (range.start, &self.groups()[range]);
         let work = |scratch: &mut Scratch, group: &[u32]| {
             Ok(match cost::beyond_usual(group, tree, decomposition, &self.built) {
                 0 => scratch.run(&task, group, true)?,
@@ -314,7 +311,9 @@ impl Levels {
             let group = &open[index];
             let done = match &context.memo {
                 None => work(scratch, group)?,
-                Some(memo) => known::group(memo, &task, group, reader, || work(scratch, group))?,
+                Some(memo) => {
+                    known::group(memo, &task, (first + index, group), reader, || work(scratch, group))?
+                }
             };
             context.progress.advance(group.len() as u64);
             Ok(done)

@@ -67,8 +67,8 @@ impl<I: Id> Step<I> {
         self.ends.resize(all.count() + 1, 0);
         for triangle in self.sifted.passing(&self.triangles) {
             let homes = triangle.map(|v| all.of(v.index()));
-            // By the numbers that vertices have at home, which do not depend on what comes before that.
-            let region = majority(homes, || triangle.iter().map(|v| all.place(v.index()).1 as usize).sum());
+            // Where all three differ the first: no number that something far away has a part in.
+            let region = majority(homes, || 0);
             self.regions.push(region);
             self.ends[region as usize + 1] += 1;
             // Most triangles are within their region, and visit none.

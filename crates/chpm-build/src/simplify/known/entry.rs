@@ -50,5 +50,5 @@ pub(super) fn decode(task: &GroupTask<'_>, bytes: &[u8], ids: &Ids) -> Result<Gr
             *place = task.displacements[task.level as usize].append(blobs.get(*place, len)?)?;
         }
     }
-    Ok(GroupDone { members, removed: removed.into_iter().map(id).collect(), kept: None })
+    Ok(GroupDone { members, removed: removed.into_iter().map(id).collect() })
 }

@@ -2,7 +2,7 @@
 
 use super::ids::Ids;
 use crate::error::BuildError;
-use crate::memo::{Key, Kind, hash_value};
+use crate::memo::{Key, hash_value};
 use crate::simplify::group::GroupTask;
 use chpm_format::Page;
 use xxhash_rust::xxh3::Xxh3;
@@ -27,14 +27,8 @@ impl Reader {
     pub(super) fn key(&mut self, task: &GroupTask<'_>, group: &[u32]) -> Result<(Key, Ids), BuildError> {
         let mut hash = Xxh3::new();
         let settings = task.settings;
-        let decides = (
-            Kind::Group as u8,
-            settings.keep,
-            settings.topology,
-            settings.layout,
-            task.level,
-            task.most_lasting(),
-        );
+        let decides =
+            ("group", settings.keep, settings.topology, settings.layout, task.level, task.most_lasting());
         hash_value(&mut hash, &(decides, task.decomposition.rounding))?;
         self.met.clear();
         for node in group {

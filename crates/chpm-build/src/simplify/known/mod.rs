@@ -7,14 +7,14 @@ mod key;
 
 use super::group::{GroupDone, GroupTask};
 use crate::error::BuildError;
-use crate::memo::{Kind, Memo};
+use crate::memo::{Memo, Owner};
 pub(super) use key::Reader;
 
-/// What becomes of a group: as the memo has it, or else as `run` does it.
+/// Result of a group, which is one of those of its level: as the memo has it, or else as `run` does it.
 pub(super) fn group(
     memo: &Memo,
     task: &GroupTask<'_>,
-    group: &[u32],
+    (index, group): (usize, &[u32]),
     reader: &mut Reader,
     run: impl FnOnce() -> Result<GroupDone, BuildError>,
 ) -> Result<GroupDone, BuildError> {
@@ -22,11 +22,11 @@ pub(super) fn group(
     if group.iter().any(|node| task.tree.is_root(*node)) {
         return run();
     }
-    let (key, ids) = reader.key(task, group)?;
-    if let Some((bytes, kept)) = memo.find(Kind::Group, key)? {
-        return Ok(GroupDone { kept: Some(kept), ..entry::decode(task, &bytes, &ids)? });
+    let ((key, ids), owner) = (reader.key(task, group)?, Owner::Group(task.level, index));
+    if let Some(bytes) = memo.find(owner, key)? {
+        return entry::decode(task, &bytes, &ids);
     }
     let done = run()?;
-    let bytes = entry::encode(task, &done, &ids)?;
-    Ok(GroupDone { kept: Some(memo.add(Kind::Group, key, &bytes)?), ..done })
+    memo.add(owner, key, &entry::encode(task, &done, &ids)?)?;
+    Ok(done)
 }
