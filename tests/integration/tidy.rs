@@ -59,7 +59,7 @@ const EDGES: [(&str, &[&str]); 21] = [
 ];
 
 /// The modules of chpm-build: each may use those before it.
-const LAYERS: [&str; 30] = [
+const LAYERS: [&str; 31] = [
     "ids",
     "trace",
     "progress",
@@ -69,6 +69,7 @@ const LAYERS: [&str; 30] = [
     "allowance",
     "range",
     "clock",
+    "memo",
     "context",
     "vertex_columns",
     "pairs",

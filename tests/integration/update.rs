@@ -12,7 +12,12 @@ const BUILD: &str = "build --json -q --cluster-triangles 64";
 fn model(words: &str) -> (Folder, TriMesh) {
     let folder = Folder::new();
     folder.stdout(&format!("synth {words} -o old.ply -q"));
-    let mesh = folder.read_mesh("old.ply");
+    let mut mesh = folder.read_mesh("old.ply");
+    if words.contains("torus") {
+        mesh.vertices.colors =
+            (0..mesh.positions.len() as u32).map(|v| hash(v / 50, 4).to_le_bytes()).collect();
+        folder.write_mesh("old.ply", &mesh);
+    }
     (folder, mesh)
 }
 
@@ -32,7 +37,7 @@ fn scanned_anew(old: &TriMesh, about: usize, share: f64) -> TriMesh {
     let noise = reach.sqrt() as f32 * 1e-3 / (1 << 24) as f32;
     for v in (0..old.positions.len() as u32).filter(|v| is_near(*v)) {
         let moved = &mut mesh.positions[v as usize];
-        (0..3).for_each(|axis| moved[axis] += noise * hash(v, axis + 1) as f32);
+        (0..3).for_each(|axis| moved[axis] += noise * hash(v, axis as u32 + 1) as f32);
     }
     mesh.triangles.clear();
     for (index, [a, b, c]) in (0..).zip(&old.triangles) {
@@ -76,7 +81,8 @@ fn an_update_has_the_bytes_of_a_build_from_nothing() {
     for (source, options) in [
         ("isosurface --triangles 60k", ""),
         ("terrain --triangles 40k --seed 3", "--normals computed --pages packed"),
-        ("terrain --triangles 40k --colors", "--positions lattice:16 --topology keep"),
+        ("terrain --triangles 40k", "--positions lattice:16 --topology keep"),
+        ("torus --triangles 30k", "--seed 3"),
         ("hard:components --triangles 30k", "--order simplification"),
         ("odd:poles --triangles 20k", "--partitioner greedy"),
         ("hard:unwelded --triangles 30k", "--boundary locked"),

@@ -17,6 +17,9 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Duration;
 
+/// The program and its version.
+pub(crate) const GENERATOR: &str = concat!("chpm ", env!("CARGO_PKG_VERSION"));
+
 /// Everything a build is told.
 #[derive(Clone, Debug, Default)]
 pub struct BuildConfig {

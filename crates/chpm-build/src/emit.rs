@@ -1,11 +1,10 @@
 //! Emit: the file, published by rename when it is whole. Establishes I10 and I11.
 
 use crate::chain::{chain, close_up};
-use crate::config::Settings;
+use crate::config::{GENERATOR, Settings};
 use crate::context::Context;
 use crate::decompose::Decomposition;
 use crate::error::BuildError;
-use crate::fingerprint::GENERATOR;
 use crate::hierarchy::Tree;
 use crate::ingest::{self, Source, SourceFacts};
 use crate::output::OutputFiles;

@@ -6,9 +6,6 @@ use chpm_import::{Images, SourceError, Supply, input};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The program and its version.
-pub(crate) const GENERATOR: &str = concat!("chpm ", env!("CARGO_PKG_VERSION"));
-
 /// The identity of a source, or of the program. Whoever changes a file without changing its length or time is not seen.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub(crate) struct Fingerprint {

@@ -3,8 +3,8 @@
 //! A result goes by a hash of all that decides it, in which vertices have numbers of the region's or group's own: so it is the same in whatever model that is found
 //! again, and no rule is needed for how far a change reaches. The file is a part with the results one after another and their places by key.
 
+use crate::config::GENERATOR;
 use crate::error::BuildError;
-use crate::fingerprint::GENERATOR;
 use bincode::serde::{decode_from_slice, encode_to_vec};
 use chpm_extmem::{ExtmemError, FailPoints, PartFile, PartWriter, Spool, Store};
 use std::collections::HashSet;
@@ -230,7 +230,7 @@ impl Memo {
         Ok(())
     }
 
-    /// What is as it was before, of how many, in a sentence; and whether any were damaged. Nothing of a build that looks for nothing.
+    /// Regions and groups that are as before, in a sentence, if there was anything before; and how many results were damaged.
     pub(crate) fn notes(&self) -> Vec<String> {
         let told = |kind: usize| {
             let [taken, made] = [&self.taken, &self.made].map(|counts| counts[kind].load(Relaxed));

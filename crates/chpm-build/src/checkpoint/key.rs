@@ -1,8 +1,8 @@
 //! Which work a folder holds: that of one source, with these settings, by this program, for one output.
 
-use crate::config::Settings;
+use crate::config::{GENERATOR, Settings};
 use crate::error::BuildError;
-use crate::fingerprint::{self, Fingerprint};
+use crate::fingerprint::Fingerprint;
 use chpm_extmem::{ExtmemError, WorkDir, hidden_name};
 use std::ffi::OsString;
 use std::fs;
@@ -36,7 +36,7 @@ impl Key {
         add(&mut hash, folder.as_os_str().as_encoded_bytes());
         add(&mut hash, name.as_encoded_bytes());
         let place = hash.digest();
-        add(&mut hash, fingerprint::GENERATOR.as_bytes());
+        add(&mut hash, GENERATOR.as_bytes());
         // A program that was changed may decide otherwise, whatever its version says.
         for identity in Fingerprint::of_program().iter().chain([source]) {
             identity.visit(|bytes| add(&mut hash, bytes));

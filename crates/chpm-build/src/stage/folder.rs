@@ -2,8 +2,8 @@
 //! believed: they find accidents.
 
 use super::step::Step;
+use crate::config::GENERATOR;
 use crate::error::BuildError;
-use crate::fingerprint::GENERATOR;
 use bincode::config::Configuration;
 use bincode::serde::{decode_from_slice, encode_to_vec};
 use chpm_extmem::{ExtmemError, FailPoints, PartFile, PartFolder, PartWriter, Store, archived_among};

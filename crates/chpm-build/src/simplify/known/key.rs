@@ -10,7 +10,7 @@ use xxhash_rust::xxh3::Xxh3;
 /// A vertex that is not shared after all.
 const NONE: u32 = u32::MAX;
 
-/// What is done with a shared vertex.
+/// Bits of a shared vertex: it stays for now, and only members of the group have it.
 const LOCKED: u8 = 1;
 const INSIDE: u8 = 2;
 
