@@ -1,22 +1,26 @@
 #!/usr/bin/env bash
 # Everything that has to pass: format, lints, documentation, tests. Installs what is missing, where it may, and lists at the end what was skipped
-# and how long each part took. With CI=true nothing may be skipped.
+# and how long each part took, by the clock and of all processors together. With CI=true nothing may be skipped.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 mkdir -p target
-# What is compiled once needs no notes for the next time.
-[ "${CI:-}" != true ] || export CARGO_INCREMENTAL=0
+# What is compiled once needs no notes for the next time, and lines of backtraces cost the compiler time.
+[ "${CI:-}" != true ] || export CARGO_INCREMENTAL=0 CARGO_PROFILE_DEV_DEBUG=none
 CHPM_SKIPPED=$(mktemp "$PWD/target/skipped.XXXXXX")
 export CHPM_SKIPPED
-trap 'rm -f "$CHPM_SKIPPED"' EXIT
-times=()
+work=$(mktemp -d)
+trap 'rm -rf "$CHPM_SKIPPED" "$work"' EXIT
+# Processor seconds of all that has ended, as `times` has them: of this shell, then of its children.
+spent() { awk '{ for (i = 1; i <= 2; i++) { split($i, t, /[ms]/); sum += 60 * t[1] + t[2] } } END { printf "%d", sum }' "$work/times"; }
+took=()
 part() {
-    local name="$1" start=$SECONDS
+    local name="$1" start=$SECONDS before
     shift
     echo "== $name" >&2
+    times >"$work/times" && before=$(spent)
     "$@"
-    times+=("$((SECONDS - start)) s  $name")
+    times >"$work/times" && took+=("$((SECONDS - start)) s, processors $(($(spent) - before)) s: $name")
 }
 
 part "tools" bash tests/tools.sh
@@ -43,15 +47,36 @@ part "lints without the viewer" cargo clippy -p chpm --no-default-features --all
 part "documentation" env RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked
 # As far as a compiler goes without Apple's libraries.
 if has_macos; then part "macOS" bash tests/targets.sh aarch64-apple-darwin; fi
-part "compile" cargo test "${packages[@]}" --locked --no-run
-part "tests" cargo test "${packages[@]}" --locked --no-fail-fast -- ${without[@]+"${without[@]}"}
-# The Python package, where there is Python; a workspace of its own.
-part "Python" bash python/test.sh
-# The same pictures where there is nothing but OpenGL.
-grep -q '^pictures by' "$CHPM_SKIPPED" ||
-    part "pictures by OpenGL" env WGPU_BACKEND=gl cargo test --workspace --locked --test pictures
+# Of the examples those that tests run; the lints have looked at all.
+examples=(--example simplify_patch --example build_and_select --example smallest_file --example draw_a_view)
+compile() { cargo test "${packages[@]}" --tests --locked --no-run && cargo build "${packages[@]}" "${examples[@]}" --locked; }
+part "compile" compile
 
-printf '%s\n' "${times[@]}" >&2
+# Programs of tests run one after the other, and end with one test that the other processors wait for. So there are two rows of them at a time: the
+# processes of `integration`, which are most, and all others.
+tests() { cargo test "${packages[@]}" --locked --no-fail-fast "$@" -- ${without[@]+"${without[@]}"}; }
+others() {
+    local failed=0
+    tests --lib --bins --test '[!i]*' || failed=1
+    tests --doc || failed=1
+    # The same pictures where there is nothing but OpenGL.
+    grep -q '^pictures by' "$CHPM_SKIPPED" || WGPU_BACKEND=gl cargo test --workspace --locked --test pictures || failed=1
+    # The Python package, where there is Python; a workspace of its own.
+    bash python/test.sh || failed=1
+    return $failed
+}
+all_tests() {
+    local failed=0 row
+    others >"$work/others" 2>&1 &
+    row=$!
+    tests --test integration || failed=1
+    wait $row || failed=1
+    cat "$work/others"
+    return $failed
+}
+part "tests" all_tests
+
+printf '%s\n' "${took[@]}" >&2
 if [ -s "$CHPM_SKIPPED" ]; then
     echo "Skipped:" >&2
     sort -u "$CHPM_SKIPPED" | sed 's/^/  /' >&2

@@ -1,6 +1,6 @@
 //! Boundaries and topology as they are asked for, and random cuts that prove that nothing cracks.
 
-use super::harness::{CHPM, Folder, text};
+use super::harness::{CHPM, Folder, much, text};
 use chpm_format::{Chpm, ChpmWriter, PageParts, Tables, checksum};
 use chpm_mesh::{ClusterId, TriMesh};
 use chpm_synth::hand;
@@ -28,13 +28,14 @@ fn model(shape: &str) -> Folder {
 
 #[test]
 fn no_mode_cracks_and_each_is_stored() {
+    let cuts = much(60, 300);
     // Closed and of high genus, open, mechanical, plain.
     for shape in ["isosurface", "terrain", "plates", "torus", "sphere"] {
         let folder = model(shape);
         for mode in MODES {
             folder.stdout(&format!("build in.ply -qf --cluster-triangles 128 {mode}"));
-            let out = folder.stdout("verify in.chpm --against in.ply --cuts 300 -q");
-            assert!(out.contains("no crack in 300 random cuts"), "{shape} {mode}: {out}");
+            let out = folder.stdout(&format!("verify in.chpm --against in.ply --cuts {cuts} -q"));
+            assert!(out.contains(&format!("no crack in {cuts} random cuts")), "{shape} {mode}: {out}");
             let info = folder.stdout("info in.chpm --settings");
             let words: Vec<&str> = mode.split_whitespace().collect();
             for setting in [format!("boundary {}", words[1]), format!("topology {}", words[3])] {
@@ -105,7 +106,7 @@ fn meshes_that_are_cracked_or_tangled_themselves_are_no_fault() {
         folder.write_mesh("in.ply", &mesh);
         for mode in MODES {
             folder.stdout(&format!("build in.ply -qf --cluster-triangles 32 {mode}"));
-            let output = folder.chpm("verify in.chpm --cuts 200 -q");
+            let output = folder.chpm(&format!("verify in.chpm --cuts {} -q", much(40, 200)));
             let output = output.get_output();
             assert_eq!(output.status.code(), Some(0), "{name} {mode}: {}", text(&output.stdout));
         }

@@ -4,7 +4,7 @@ use super::harness::Folder;
 
 fn model() -> Folder {
     let folder = Folder::new();
-    folder.stdout("synth isosurface --triangles 30000 --seed 5 -o model.ply -q");
+    folder.stdout("synth isosurface --triangles 15000 --seed 5 -o model.ply -q");
     folder
 }
 

@@ -37,6 +37,11 @@ pub(crate) fn skipped(why: impl Display) {
     }
 }
 
+/// How much of something that finds more the longer it goes on: the second with `tests/soak.sh`.
+pub(crate) fn much<T>(usual: T, long: T) -> T {
+    if env::var_os("CHPM_SOAK").is_some() { long } else { usual }
+}
+
 /// A shell in the folder that finds `chpm`.
 pub(crate) fn shell(folder: &Folder, line: &str) -> process::Output {
     let path = format!(

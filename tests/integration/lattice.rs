@@ -93,7 +93,7 @@ fn settings_of_batch_and_words_that_are_no_lattice() {
 #[test]
 fn a_step_by_the_models_detail_shows_neither_threads_nor_memory_nor_pipes() {
     let folder = Folder::new();
-    let mesh = Synth::new(Shape::Isosurface, 60_000, 1).to_mesh();
+    let mesh = Synth::new(Shape::Isosurface, 20_000, 1).to_mesh();
     folder.write_mesh("near.ply", &mesh);
     folder.write("far.obj", far_away(&mesh));
     for (source, pipe) in [("near.ply", true), ("far.obj", false)] {

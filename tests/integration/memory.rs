@@ -27,7 +27,7 @@ fn peak(folder: &Folder, words: &str) -> u64 {
 #[test]
 fn reading_takes_no_more_memory_than_is_given() {
     let folder = Folder::new();
-    folder.stdout("synth isosurface --triangles 1700000 -o in.ply -q");
+    folder.stdout("synth isosurface --triangles 1350000 -o in.ply -q");
     folder.stdout("build in.ply -q --partitioner greedy");
     let len = folder.path("in.chpm").metadata().expect("a length").len();
     let given = 36 << 10;

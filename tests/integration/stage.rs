@@ -26,7 +26,7 @@ fn steps(parts: u32, levels: u32) -> Vec<String> {
 /// A model that has several regions, and what one process makes of it.
 fn model(settings: &str) -> (Folder, Vec<u8>) {
     let folder = Folder::new();
-    folder.stdout("synth isosurface --triangles 40000 --seed 3 -o model.ply -q");
+    folder.stdout("synth isosurface --triangles 15000 --seed 3 -o model.ply -q");
     folder.stdout(&format!("build model.ply -o one.chpm -q {settings}"));
     let whole = folder.read("one.chpm");
     (folder, whole)

@@ -182,7 +182,7 @@ fn a_slip_of_the_finger_is_answered() {
 fn a_build_tells_how_far_it_is_on_a_terminal() {
     let folder = Folder::new();
     // A bar is drawn twenty times a second: it takes a while until it has told all.
-    folder.stdout("synth terrain --triangles 300000 -o scan.ply -q");
+    folder.stdout("synth terrain --triangles 100000 -o scan.ply -q");
     let run =
         shell(&folder, "script -qec 'stty rows 24 cols 100; chpm build scan.ply --threads 1' /dev/null");
     let told = text(&run.stdout);
