@@ -52,29 +52,13 @@ examples=(--example simplify_patch --example build_and_select --example smallest
 compile() { cargo test "${packages[@]}" --tests --locked --no-run && cargo build "${packages[@]}" "${examples[@]}" --locked; }
 part "compile" compile
 
-# Programs of tests run one after the other, and end with one test that the other processors wait for. So there are two rows of them at a time: the
-# processes of `integration`, which are most, and all others.
-tests() { cargo test "${packages[@]}" --locked --no-fail-fast "$@" -- ${without[@]+"${without[@]}"}; }
-others() {
-    local failed=0
-    tests --lib --bins --test '[!i]*' || failed=1
-    tests --doc || failed=1
-    # The same pictures where there is nothing but OpenGL.
-    grep -q '^pictures by' "$CHPM_SKIPPED" || WGPU_BACKEND=gl cargo test --workspace --locked --test pictures || failed=1
-    # The Python package, where there is Python; a workspace of its own.
-    bash python/test.sh || failed=1
-    return $failed
-}
-all_tests() {
-    local failed=0 row
-    others >"$work/others" 2>&1 &
-    row=$!
-    tests --test integration || failed=1
-    wait $row || failed=1
-    cat "$work/others"
-    return $failed
-}
-part "tests" all_tests
+part "tests" cargo test "${packages[@]}" --lib --bins --tests --locked --no-fail-fast -- ${without[@]+"${without[@]}"}
+part "tests in the documentation" cargo test "${packages[@]}" --doc --locked
+# The Python package, where there is Python; a workspace of its own.
+part "Python" bash python/test.sh
+# The same pictures where there is nothing but OpenGL.
+grep -q '^pictures by' "$CHPM_SKIPPED" ||
+    part "pictures by OpenGL" env WGPU_BACKEND=gl cargo test --workspace --locked --test pictures
 
 printf '%s\n' "${took[@]}" >&2
 if [ -s "$CHPM_SKIPPED" ]; then

@@ -54,7 +54,7 @@ pub(crate) struct Args {
     /// Take over from this model what has not changed
     ///
     /// It was built with --updatable, or updated, by this version from an earlier state of the source. The result is what --updatable makes of the source.
-    #[arg(long, value_name = "OLD.chpm", conflicts_with = "keep_work")]
+    #[arg(long, value_name = "OLD.chpm", hide_short_help = true, conflicts_with = "keep_work")]
     update: Option<PathBuf>,
     #[command(flatten)]
     config: ConfigArgs,

@@ -85,7 +85,7 @@ fn an_update_has_the_bytes_of_a_build_from_nothing() {
         ("torus --triangles 30k", "--seed 3"),
         ("hard:components --triangles 30k", "--order simplification"),
         ("odd:poles --triangles 20k", "--partitioner greedy"),
-        ("hard:unwelded --triangles 30k", "--boundary locked"),
+        ("hard:unwelded --triangles 30k", "--boundary lock"),
         ("isosurface --triangles 40k", "--finest-error 0.01% --target-error 1%"),
     ] {
         let (folder, mesh) = model(source);
