@@ -152,6 +152,14 @@ fn a_memo_that_is_not_there_or_of_no_use_is_named() {
     folder.write("plain.chpm.memo", &other);
     refused("is not what was written");
 
+    // What has the name of a memo, and is none, is replaced only by force.
+    folder.write("new.chpm.memo", "mine");
+    let error = folder.stderr(&format!("{BUILD} old.ply -o new.chpm --updatable"), 2);
+    assert!(error.contains("'new.chpm.memo'") && error.contains("exists"), "{error}");
+    assert!(folder.read("new.chpm.memo") == b"mine" && !folder.path("new.chpm").exists());
+    folder.stdout(&format!("{BUILD} old.ply -o new.chpm --updatable -f"));
+    fs::remove_file(folder.path("new.chpm")).expect("a model");
+
     // Other settings find nothing, and are built all the same.
     let json =
         folder.stdout(&format!("{BUILD} old.ply -o new.chpm --update old.chpm --seed 5 --topology keep"));

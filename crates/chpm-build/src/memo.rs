@@ -157,16 +157,22 @@ impl Memo {
     /// For a build of `model` alone, or one that takes what is still right from the memo of an earlier model.
     ///
     /// # Errors
-    /// [`BuildError::Part`] if that has none, or one of another version.
+    /// [`BuildError::Part`] if that has none, or one of another version; [`BuildError::Extmem`] if something else has the name of the new one and is not to be
+    /// replaced.
     pub(crate) fn open(
-        model: &Path,
+        (model, overwrite): (&Path, bool),
         earlier: Option<&Path>,
         fail_points: &FailPoints,
         store: &Store,
     ) -> Result<Self, BuildError> {
         let earlier = earlier.map(|model| Earlier::open(model, fail_points)).transpose()?;
+        // A memo may be there from a run that was killed.
+        let path = beside(model);
+        if PartFile::open(&path, fail_points.clone()).is_err() {
+            chpm_extmem::target(&path, overwrite)?;
+        }
         Ok(Memo {
-            path: beside(model),
+            path,
             updates: earlier.is_some(),
             fail_points: fail_points.clone(),
             earlier: Mutex::new(earlier.map(Arc::new)),

@@ -87,7 +87,8 @@ fn make(
     let mut context = context(dir, fingerprint.len, resources, progress, cancel)?;
     if keeps_memo {
         let earlier = resources.update.as_deref();
-        context.memo = Some(Memo::open(output, earlier, &resources.fail_points, &context.store)?);
+        context.memo =
+            Some(Memo::open((output, config.overwrite), earlier, &resources.fail_points, &context.store)?);
     }
     let (context, dir) = (&context, &context.store.workdir);
     match run(source, &fingerprint, out, &config.settings, context, &mut checkpoints) {
