@@ -15,6 +15,9 @@ use rayon::prelude::*;
 use std::cmp::Reverse;
 use std::ops::Range;
 
+/// Pairs of nodes with their weights.
+type Edges = Vec<(u32, u32, u32)>;
+
 /// The root of a subtree, and its inner nodes, children first.
 type Subtree = (u32, Vec<Node>);
 
@@ -31,7 +34,7 @@ pub(super) fn tree(
 
     let leaf_count = decomposition.leaves.len() as u32;
     let phase = context.trace.phase();
-    let subtree = |(leaves, mut edges): (&Range<u32>, Vec<(u32, u32, u32)>)| {
+    let subtree = |(leaves, mut edges): (&Range<u32>, Edges)| {
         let _traced = phase.task("region");
         let of_region = &decomposition.leaves[leaves.start as usize..leaves.end as usize];
         let centers: Vec<[f32; 3]> = of_region.iter().map(|leaf| leaf.center).collect();
@@ -80,7 +83,7 @@ impl Regions {
     }
 
     /// Edges between leaves of one region, by region and in their numbers there, and edges between regions.
-    fn divide(&self, edges: Vec<(u32, u32, u32)>) -> (Vec<Vec<(u32, u32, u32)>>, Vec<(u32, u32, u32)>) {
+    fn divide(&self, edges: Edges) -> (Vec<Edges>, Edges) {
         let (mut within, mut between) = (vec![Vec::new(); self.leaves.len()], Pairs::default());
         for (a, b, weight) in edges {
             let [(region, a), (other, b)] = [a, b].map(|leaf| self.place(leaf));
