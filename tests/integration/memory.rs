@@ -27,12 +27,13 @@ fn peak(folder: &Folder, words: &str) -> u64 {
 #[test]
 fn reading_takes_no_more_memory_than_is_given() {
     let folder = Folder::new();
-    folder.stdout("synth isosurface --triangles 1350000 -o in.ply -q");
+    folder.stdout("synth isosurface --triangles 1700000 -o in.ply -q");
     folder.stdout("build in.ply -q --partitioner greedy");
     let len = folder.path("in.chpm").metadata().expect("a length").len();
     let given = 36 << 10;
     // What the program itself takes, and the finest half of the file on top of that, is more than is given.
-    let bare = peak(&folder, "info in.chpm");
+    // It ends so soon that its end may fall between two looks: the most of several runs counts.
+    let bare = (0..5).map(|_| peak(&folder, "info in.chpm")).max().expect("a run");
     assert!(bare < 24 << 10, "{bare}");
     assert!(bare + (len >> 11) > given, "the file is large enough to show: {bare} and {len}");
     for words in [
