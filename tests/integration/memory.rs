@@ -30,7 +30,7 @@ fn reading_takes_no_more_memory_than_is_given() {
     folder.stdout("synth isosurface --triangles 1700000 -o in.ply -q");
     folder.stdout("build in.ply -q --partitioner greedy");
     let len = folder.path("in.chpm").metadata().expect("a length").len();
-    let given = 36 << 10;
+    let given = 38 << 10;
     // What the program itself takes, and the finest half of the file on top of that, is more than is given.
     // It ends so soon that its end may fall between two looks: the most of several runs counts.
     let bare = (0..5).map(|_| peak(&folder, "info in.chpm")).max().expect("a run");
@@ -48,7 +48,7 @@ fn reading_takes_no_more_memory_than_is_given() {
         "extract in.chpm --level 0 -o out.glb -qf",
         "extract in.chpm --level 0 -o out.obj -qf",
     ] {
-        let peak = peak(&folder, &format!("{words} --memory 36M"));
+        let peak = peak(&folder, &format!("{words} --memory 38M"));
         assert!(peak <= given, "{words}: {peak} kB");
     }
     // Pages above are kept unpacked, within the same memory.
@@ -59,7 +59,7 @@ fn reading_takes_no_more_memory_than_is_given() {
         "dump chained.chpm --pages",
         "extract chained.chpm --level 0 -o out.ply -qf",
     ] {
-        let peak = peak(&folder, &format!("{words} --memory 36M"));
+        let peak = peak(&folder, &format!("{words} --memory 38M"));
         assert!(peak <= given, "{words}: {peak} kB");
     }
     // This holds the mesh, and says how much that takes.

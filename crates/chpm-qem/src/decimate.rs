@@ -21,13 +21,9 @@ use crate::refusal::{Refusal, Refusals};
 use crate::vertex_flags::VertexFlags;
 use chpm_mesh::geom::round_up;
 
-/// Group borders are halved so that the next level has less to lock, which is worth something but not any error: once half of what was
-/// asked for is done, a collapse whose bound is so many times the error up to there is left to a level on which it is cheap.
+/// Once half of the vertices that a group border is to lose are gone, a collapse whose bound is so many times the error up to there is left to a
+/// level on which it is cheap.
 const STEEP: f64 = 4.0;
-
-/// Factor on the incoming error of a patch, up to which a group border goes on beyond the target. Vertices that were locked on many levels
-/// are denser than what lies about them, so collapsing some more of them costs next to nothing.
-const CATCH_UP: f64 = 1.2;
 
 /// Share of a forced collapse's cost below which the quadric's says that the vertex would go for nothing if it could.
 const HELD_BACK: f32 = 1e-6;
@@ -37,8 +33,17 @@ const HELD_BACK: f32 = 1e-6;
 enum Goal {
     /// At most so many triangles are left.
     Triangles(usize),
-    /// So many vertices of the group borders have gone, and all others whose bound is at most `beyond`.
-    GroupBorders { count: usize, beyond: f64 },
+    /// The group borders are simplified.
+    GroupBorders(BorderGoal),
+}
+
+/// How far group borders are simplified.
+#[derive(Clone, Copy, Debug)]
+pub enum BorderGoal {
+    /// Until so many vertices have gone; fewer if the last of them cost too much.
+    Vertices(usize),
+    /// As long as errors are at most this.
+    Error(f32),
 }
 
 /// The kernel's scratch: give each thread its own and use it for cluster after cluster.
@@ -104,14 +109,14 @@ impl Decimator {
         run.outcome(stalled)
     }
 
-    /// Collapses `count` vertices of the borders inside a group of clusters, whose union the patch is; fewer if the last of them cost too
-    /// much, more if they cost next to nothing. `sides` has a bit for each member that has a vertex. A group border vertex has several and goes
-    /// only to a vertex that all of its members have, so that each of them can carry out the same collapse.
+    /// Collapses vertices of the borders inside a group of clusters, whose union the patch is. `sides` has a bit for each member that has a
+    /// vertex. A group border vertex has several and goes only to a vertex that all of its members have, so that each of them can carry out the
+    /// same collapse.
     pub fn decimate_group_border(
         &mut self,
         patch: &Patch<'_>,
         sides: &[u8],
-        count: usize,
+        goal: BorderGoal,
         min_error: f32,
     ) -> Outcome<'_> {
         let mut run = Run::begin(self, Given { patch, sides }, min_error);
@@ -120,7 +125,7 @@ impl Decimator {
                 state.set(VertexFlags::FIXED);
             }
         }
-        let stalled = run.until(Goal::GroupBorders { count, beyond: CATCH_UP * f64::from(min_error) });
+        let stalled = run.until(Goal::GroupBorders(goal));
         run.outcome(stalled)
     }
 
@@ -288,21 +293,16 @@ impl<'a, 'd> Run<'a, 'd> {
     fn is_reached(&self, goal: Goal) -> bool {
         match goal {
             Goal::Triangles(target) => self.alive <= target,
-            Goal::GroupBorders { count, .. } => self.all.collapses.len() >= count,
+            Goal::GroupBorders(BorderGoal::Vertices(count)) => self.all.collapses.len() >= count,
+            Goal::GroupBorders(BorderGoal::Error(_)) => false,
         }
-    }
-
-    /// Whether there may be something to do beyond the goal.
-    fn may_catch_up(&self, goal: Goal) -> bool {
-        let Goal::GroupBorders { beyond, .. } = goal else { return false };
-        self.all.queue.next_cost() <= self.all.prices.of_bound(beyond)
     }
 
     /// Collapses until the goal is reached; answers whether it stalled before.
     fn until(&mut self, goal: Goal) -> bool {
         self.fill_queue();
         let mut renewed = self.alive;
-        while !self.is_reached(goal) || self.may_catch_up(goal) {
+        while !self.is_reached(goal) {
             if !self.all.hasty && matches!(goal, Goal::Triangles(_)) && 7 * self.alive < 5 * renewed {
                 renewed = self.alive;
                 self.renew();
@@ -487,12 +487,14 @@ impl<'a, 'd> Run<'a, 'd> {
 
     /// Whether a collapse of a group border costs too much.
     fn is_steep(&self, goal: Goal, bound: f64) -> bool {
-        let Goal::GroupBorders { count, beyond } = goal else { return false };
-        if self.is_reached(goal) {
-            return bound > beyond;
+        match goal {
+            Goal::Triangles(_) => false,
+            Goal::GroupBorders(BorderGoal::Vertices(count)) => {
+                let half = self.all.collapses.get(count / 2).map_or(0.0, |half| f64::from(half.error));
+                half > 0.0 && bound > STEEP * half
+            }
+            Goal::GroupBorders(BorderGoal::Error(most)) => bound > most.into(),
         }
-        let half = self.all.collapses.get(count / 2).map_or(0.0, |half| f64::from(half.error));
-        half > 0.0 && bound > STEEP * half
     }
 
     /// Carries out what was proposed last.

@@ -53,7 +53,7 @@ mod vertex_flags;
 
 pub use attribute_error::{AttributeErrors, Deviation, FaceAttributeError};
 pub use cover::{Course, Limits, Reference, tightened};
-pub use decimate::Decimator;
+pub use decimate::{BorderGoal, Decimator};
 pub use displacement::Displacement;
 pub use dropped::{DroppedComponent, LastFace, gap, thin_out};
 pub use patch::{Collapse, Outcome, Patch, Topology};

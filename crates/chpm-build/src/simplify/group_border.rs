@@ -5,7 +5,9 @@
 
 use super::working_set::WorkingSet;
 use chpm_mesh::Vertices;
-use chpm_qem::{AttributeErrors, Collapse, Decimator, Deviation, Displacement, FaceAttributeError, Patch};
+use chpm_qem::{
+    AttributeErrors, BorderGoal, Collapse, Decimator, Deviation, Displacement, FaceAttributeError, Patch,
+};
 
 /// Scratch of the union.
 #[derive(Debug, Default)]
@@ -36,8 +38,12 @@ pub(super) struct GroupBorder {
 /// "The union does not have this vertex."
 const NONE: u16 = u16::MAX;
 
+/// Of so many vertices one at most is shared where borders are lines.
+const MOSTLY_INNER: usize = 3;
+
 impl GroupBorder {
-    /// Simplifies the group borders of the members, keeping the given share of their vertices. `inside` tells whether only members have a
+    /// Simplifies the group borders of the members, up to the error that these come with: a group's error is never for its borders. What comes
+    /// from the source has none; there a share of the vertices stays where `keep` of the triangles do. `inside` tells whether only members have a
     /// shared vertex. Answers false if the union is too large to be worked on.
     pub(super) fn simplify(
         &mut self,
@@ -51,9 +57,14 @@ impl GroupBorder {
         if !self.unite(members, inside) {
             return false;
         }
-        let free =
-            self.sides.iter().zip(&self.locked).filter(|(s, locked)| s.count_ones() > 1 && !**locked).count();
-        let count = free - (free as f64 * keep) as usize;
+        let goal = match members.iter().all(|member| member.is_source) {
+            true => {
+                let sides = self.sides.iter().zip(&self.locked);
+                let free = sides.filter(|(sides, locked)| sides.count_ones() > 1 && !**locked).count();
+                BorderGoal::Vertices(free - (free as f64 * kept(members, keep)) as usize)
+            }
+            false => BorderGoal::Error(min_error),
+        };
 
         let patch = Patch {
             positions: &self.vertices.positions,
@@ -62,7 +73,7 @@ impl GroupBorder {
             locked: &self.locked,
             attribute_errors: AttributeErrors::new(self.vertices.view(), &self.face_attribute_errors),
         };
-        let outcome = decimator.decimate_group_border(&patch, &self.sides, count, min_error);
+        let outcome = decimator.decimate_group_border(&patch, &self.sides, goal, min_error);
 
         self.collapses.extend_from_slice(outcome.collapses);
         self.displacements.clear();
@@ -200,6 +211,14 @@ impl GroupBorder {
     }
 }
 
+/// Share of the border vertices that stays where `keep` of the triangles do: that of a line on a surface; but where much of what there is is border, it loses
+/// as much as all else.
+fn kept(members: &[&WorkingSet], keep: f64) -> f64 {
+    let shared: usize = members.iter().map(|member| member.shared.len()).sum();
+    let all: usize = members.iter().map(|member| member.vertices.vertex_count()).sum();
+    if MOSTLY_INNER * shared < all { keep.sqrt() } else { keep }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -232,6 +251,7 @@ mod tests {
         }
 
         set.shared = (0..ROWS).map(|row| (3 * row, row.into())).collect();
+        set.is_source = true;
         AttributeErrors::new(set.vertices.view(), &[])
             .of_source(&set.triangles, &mut set.face_attribute_errors);
         set

@@ -30,6 +30,8 @@ pub(super) struct WorkingSet {
     pub(super) face_attribute_errors: Vec<FaceAttributeError>,
     /// Local index and shared id of the vertices that other clusters use too, by local index.
     pub(super) shared: Vec<(u16, u32)>,
+    /// Whether it is part of the source, of which nothing has been collapsed.
+    pub(super) is_source: bool,
     merger: Merger,
 }
 
@@ -40,11 +42,13 @@ impl WorkingSet {
         self.displacements.clear();
         self.face_attribute_errors.clear();
         self.shared.clear();
+        self.is_source = false;
     }
 
     /// The mesh of a leaf.
     pub(super) fn fill_from_leaf(&mut self, leaf: &LeafPage<'_>, rounding: Displacement) {
         self.clear();
+        self.is_source = true;
         self.vertices.extend_from_slices(leaf.page.vertices);
         self.triangles.extend_from_slice(leaf.page.triangles);
         self.shared.extend(leaf.shared());

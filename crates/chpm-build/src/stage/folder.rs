@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 const CONFIG: Configuration = bincode::config::standard();
 /// Changes with the meaning of what is in parts.
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 
 /// Head of each part.
 #[derive(Serialize, Deserialize)]

@@ -3,7 +3,7 @@
 use crate::play::run;
 use chpm_measure::{cracks, edge_counts, topology};
 use chpm_mesh::TriMesh;
-use chpm_qem::{Collapse, Decimator, Patch, Topology};
+use chpm_qem::{BorderGoal, Collapse, Decimator, Patch, Topology};
 use chpm_synth::{Shape, Synth};
 
 /// Simplifies the triangles of each part apart and puts the results side by side, over the mesh's vertices.
@@ -67,7 +67,7 @@ fn points_are_not_handed_to_who_does_not_know() {
     let patch = Patch { positions: &positions, triangles: &triangles, locked: &locked, ..Patch::default() };
     let mut decimator = Decimator::default();
     decimator.topology = Topology::Change;
-    let outcome = decimator.decimate_group_border(&patch, &sides, 1, 0.0);
+    let outcome = decimator.decimate_group_border(&patch, &sides, BorderGoal::Vertices(1), 0.0);
     assert_eq!(outcome.collapses.len(), 1);
     let Collapse { from, to, error } = outcome.collapses[0];
     assert_eq!((from, to), (0, 1));
@@ -80,7 +80,7 @@ const COLUMNS: u16 = 60;
 const SPIKES: usize = COLUMNS as usize / 6;
 
 /// Collapses of a group border between two clusters that is nearly straight but for some spikes, and how many of them are spikes.
-fn thin_out(count: usize, min_error: f32) -> (Vec<Collapse>, usize) {
+fn thin_out(goal: BorderGoal, min_error: f32) -> (Vec<Collapse>, usize) {
     let height = |i: u16| if i % 6 == 3 { 1.0 } else { 0.01 * f32::from(i).sin() };
     let at = |i: u16, row: u16| 3 * i + row;
     let positions: Vec<[f32; 3]> = (0..COLUMNS)
@@ -97,7 +97,7 @@ fn thin_out(count: usize, min_error: f32) -> (Vec<Collapse>, usize) {
     let locked = vec![false; positions.len()];
     let patch = Patch { positions: &positions, triangles: &triangles, locked: &locked, ..Patch::default() };
     let mut decimator = Decimator::default();
-    let outcome = decimator.decimate_group_border(&patch, &sides, count, min_error);
+    let outcome = decimator.decimate_group_border(&patch, &sides, goal, min_error);
     let spikes = outcome.collapses.iter().filter(|c| positions[usize::from(c.from)][2] == 1.0).count();
     (outcome.collapses.to_vec(), spikes)
 }
@@ -106,22 +106,22 @@ fn thin_out(count: usize, min_error: f32) -> (Vec<Collapse>, usize) {
 #[test]
 fn group_borders_are_not_halved_at_any_price() {
     let count = usize::from(COLUMNS) - SPIKES + 3;
-    let (collapses, spikes) = thin_out(count, 0.0);
+    let (collapses, spikes) = thin_out(BorderGoal::Vertices(count), 0.0);
     assert!(collapses.len() > count / 2, "{}", collapses.len());
     assert_eq!(spikes, 0);
     assert!(collapses.iter().all(|collapse| collapse.error < 0.2), "{:?}", collapses.last());
 }
 
-/// A group border beside which errors are larger already than what its own vertices stand for: they go, however few were asked for.
+/// A group border goes as far as the error that its members have already, and no farther.
 #[test]
-fn group_borders_catch_up_where_it_costs_nothing() {
-    let few = 5;
-    let (collapses, _) = thin_out(few, 0.0);
-    assert_eq!(collapses.len(), few, "without an error before, as many as were asked for");
-    let (collapses, spikes) = thin_out(few, 0.05);
+fn group_borders_add_nothing_to_the_error_that_is_there() {
+    let (collapses, _) = thin_out(BorderGoal::Error(0.0), 0.0);
+    assert!(collapses.is_empty(), "none of its vertices stands for nothing");
+    let given = 0.05;
+    let (collapses, spikes) = thin_out(BorderGoal::Error(given), given);
     assert!(collapses.len() > usize::from(COLUMNS) / 3, "{}", collapses.len());
     assert_eq!(spikes, 0);
-    assert!(collapses.iter().all(|collapse| collapse.error <= 0.06), "{:?}", collapses.last());
+    assert!(collapses.iter().all(|collapse| collapse.error == given), "{:?}", collapses.last());
 }
 
 #[test]
