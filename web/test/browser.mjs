@@ -22,5 +22,11 @@ export async function newPage(browser) {
   return { page, said };
 }
 
-/** Waits until nothing more is to come. */
-export const rest = (page) => page.waitForFunction(() => !["loading", undefined].includes(document.documentElement.dataset.status), null, { timeout: 120000 });
+/** Waits until nothing more is to come: not before the frame that follows what was done last, which a tab that is hidden does not draw. */
+export async function rest(page) {
+  await page.evaluate(() => new Promise((done) => {
+    setTimeout(done, 500);
+    requestAnimationFrame(() => requestAnimationFrame(done));
+  }));
+  await page.waitForFunction(() => !["loading", undefined].includes(document.documentElement.dataset.status), null, { timeout: 120000 });
+}

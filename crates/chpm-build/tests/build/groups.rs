@@ -150,6 +150,21 @@ fn groups_occur_and_leave_fewer_shared_vertices_and_a_smaller_top() {
     }
 }
 
+/// Where nothing about a terrain is special, none of a level's clusters stores much more than others: what its borders lose is not what its error is for.
+#[test]
+fn errors_of_a_level_are_alike() {
+    let site = Site::of(&of(Shape::Terrain, 200_000));
+    let (_, file) = site.build(&with_mode(1024, (BoundaryMode::Dependencies, Topology::Change)));
+    let root_level = file.clusters().iter().map(|cluster| cluster.level).max().unwrap();
+    for level in 0..root_level {
+        let of_level = file.clusters().iter().filter(|cluster| cluster.level == level);
+        let mut errors: Vec<f32> = of_level.map(|cluster| cluster.max_error).collect();
+        errors.sort_unstable_by(f32::total_cmp);
+        let (median, most) = (errors[errors.len() / 2], errors[errors.len() - 1]);
+        assert!(most < 2.0 * median, "level {level}: {most} beside {median}");
+    }
+}
+
 #[test]
 fn a_group_has_no_more_members_than_it_may() {
     let mesh = of(Shape::Torus, 12_000);
