@@ -16,7 +16,7 @@ use xxhash_rust::xxh3::Xxh3;
 
 const CONFIG: bincode::config::Configuration = bincode::config::standard();
 /// Changes with the meaning of keys and results.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// Hash of all that decides a result.
 pub(crate) type Key = u128;

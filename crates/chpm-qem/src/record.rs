@@ -1,6 +1,6 @@
 //! A collapse order as the file wants it: vertices renumbered so that every prefix of collapses leaves a prefix of vertices.
 
-use crate::patch::{Outcome, Patch};
+use crate::patch::{Collapse, Outcome, Patch};
 
 /// The renumbering and the collapse order of one decimated patch; see `chpm_mesh::pm` for what the numbers mean.
 #[derive(Debug, Default)]
@@ -37,6 +37,17 @@ impl Record {
         self.targets.extend(outcome.collapses.iter().rev().map(|c| self.old_to_new[usize::from(c.to)]));
         self.errors.clear();
         self.errors.extend(outcome.collapses.iter().rev().map(|c| c.error));
+    }
+
+    /// The collapses in the order in which they were carried out, of the patch's vertices.
+    pub fn collapses(&self) -> impl Iterator<Item = Collapse> {
+        let of_base = &self.new_to_old[..self.base_vertex_count()];
+        let gone = self.new_to_old[of_base.len()..].iter();
+        gone.zip(&self.targets).zip(&self.errors).rev().map(|((from, to), error)| Collapse {
+            from: *from,
+            to: self.new_to_old[usize::from(*to)],
+            error: *error,
+        })
     }
 
     /// Vertices that are left in the base mesh.

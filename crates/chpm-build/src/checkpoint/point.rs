@@ -18,7 +18,7 @@ use serde::Serialize;
 use std::io::{self, BufReader};
 
 /// Changes with the meaning of what is written.
-const VERSION: u32 = 12;
+const VERSION: u32 = 13;
 /// Most bytes that decoding may take.
 const LIMIT: usize = 1 << 36;
 

@@ -4,6 +4,7 @@ use super::anew;
 use super::dependency::GroupBorders;
 use super::group_border::GroupBorder;
 use super::lasting;
+use super::runaway;
 use super::vanished::Vanished;
 use super::working_set::{Child, WorkingSet};
 use super::{Clusters, PageRef};
@@ -20,7 +21,8 @@ use chpm_format::{Gaps, PageParts};
 use chpm_mesh::geom::round_up;
 use chpm_mesh::{Aabb, ProgressiveMesh};
 use chpm_qem::{
-    Collapse, Decimator, Deviation, Displacement, DroppedComponent, FaceAttributeError, Patch, Record,
+    Collapse, Decimator, Deviation, Displacement, DroppedComponent, FaceAttributeError, Outcome, Patch,
+    Record,
 };
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -60,6 +62,7 @@ pub(super) struct GroupDone {
 pub(super) struct Scratch {
     members: Vec<Member>,
     group_border: GroupBorder,
+    errors: runaway::Errors,
 }
 
 /// Buffers of one thread, for whichever member it works on.
@@ -90,8 +93,11 @@ struct Member {
     vanished: Vanished,
     /// Box around its part of the source.
     source: Aabb,
-    /// The largest of its meshes and of those below.
+    /// Collapses of group borders, the first of its record.
+    group_border: usize,
+    /// The largest of its meshes and of those below, and of these.
     deviation: Deviation,
+    deviation_below: Deviation,
     report: LevelReport,
     /// Once it is spooled.
     done: Option<(PageRef, LevelReport)>,
@@ -108,7 +114,7 @@ impl Scratch {
         if self.members.len() < group.len() {
             self.members.resize_with(group.len(), Member::default);
         }
-        let Scratch { members, group_border } = self;
+        let Scratch { members, group_border, errors } = self;
         let members = &mut members[..group.len()];
 
         each(members, together, task, "load", |side, member, buffers| {
@@ -137,11 +143,25 @@ impl Scratch {
             if has_group_border {
                 group_border.collapses_of(side, collapses);
                 group_border.hand_to(side, &mut member.set);
-                member.deviation = member.deviation.max(group_border.deviation);
+                member.deviation_below = member.deviation_below.max(group_border.deviation);
             }
             task.prepare(decimator);
-            member.halve(decimator, collapses, task, min_error);
+            let (triangles, goal) = member.goals(task);
+            member.simplify(decimator, task, |decimator, patch| {
+                decimator.decimate_after(patch, collapses, goal, min_error)
+            });
+            member.group_border = collapses.len();
+            member.report.stalled = u32::from(member.report.base_triangles > triangles as u64);
             if member.is_root { member.find_anew(task, group[side]) } else { Ok(()) }
+        })?;
+
+        let limit = errors.limit(members.iter().map(|m| &m.record.errors[..]));
+        each(members, together, task, "again", |_, member, Buffers { decimator, collapses, .. }| {
+            if !member.is_root && member.max_error() > limit {
+                task.prepare(decimator);
+                member.go_back(decimator, collapses, task, limit, min_error);
+            }
+            Ok(())
         })?;
 
         // Errors and gaps are the group's: its members are drawn together or not at all.
@@ -236,7 +256,7 @@ fn gaps(members: &mut [Member]) -> (Gaps, f32) {
 impl Member {
     /// Fills the working set of a node, and the error that it comes with.
     fn load(&mut self, task: &GroupTask<'_>, node: u32, buffers: &mut Buffers) -> Result<(), BuildError> {
-        self.deviation = Deviation::default();
+        self.deviation_below = Deviation::default();
         self.vanished.clear();
         self.source = Aabb::EMPTY;
         self.is_root = task.tree.is_root(node);
@@ -260,7 +280,7 @@ impl Member {
                 displacements.read(page.dropped, len, &mut read.dropped)?;
                 self.vanished.add_child(&read.dropped, page.bare_count, [page.gaps.base, page.rest]);
                 self.source.merge(&page.source);
-                self.deviation = self.deviation.max(page.deviation);
+                self.deviation_below = self.deviation_below.max(page.deviation);
                 self.min_error = self.min_error.max(page.group_error);
             }
             self.set.fill_from_children(&buffers.children[..children.len()])?;
@@ -277,14 +297,44 @@ impl Member {
         Ok(())
     }
 
-    /// Halves the member: the group border's collapses first, then its own, which leave shared vertices alone. `min_error` is the
-    /// group's.
-    fn halve(
+    /// Triangles that half of it are, or what `keep` says, and those that it goes down to.
+    fn goals(&self, task: &GroupTask<'_>) -> (usize, usize) {
+        let target = (self.set.triangles.len() as f64 * task.settings.keep) as usize;
+        (target, if self.is_root { target.min(ROOT_TRIANGLES) } else { target })
+    }
+
+    /// Carries out its collapses again but for those that cost more than `limit`, as far as it does not grow by that.
+    fn go_back(
         &mut self,
         decimator: &mut Decimator,
-        group_border: &[Collapse],
+        collapses: &mut Vec<Collapse>,
         task: &GroupTask<'_>,
+        limit: f32,
         min_error: f32,
+    ) {
+        collapses.clear();
+        collapses.extend(self.record.collapses());
+        let counts = [self.set.triangles.len(), self.base_triangles.len()];
+        let most = runaway::MOST_LEFT * task.settings.cluster_triangles as usize;
+        let kept = runaway::kept(collapses, self.group_border, limit, counts, most);
+        if kept == collapses.len() {
+            return;
+        }
+        let refusals = self.report.refusals;
+        self.vanished.forget_own();
+        let group_border = self.group_border;
+        self.simplify(decimator, task, |decimator, patch| {
+            decimator.decimate_again(patch, &collapses[..kept], group_border, min_error)
+        });
+        self.report.refusals = refusals;
+    }
+
+    /// Simplifies the member: the group border's collapses first, then its own, which leave shared vertices alone.
+    fn simplify(
+        &mut self,
+        decimator: &mut Decimator,
+        task: &GroupTask<'_>,
+        decimate: impl for<'d> FnOnce(&'d mut Decimator, &Patch<'_>) -> Outcome<'d>,
     ) {
         let set = &self.set;
         self.locked.clear();
@@ -300,9 +350,7 @@ impl Member {
             locked: &self.locked,
             attribute_errors: set.attribute_errors(),
         };
-        let target = (set.triangles.len() as f64 * task.settings.keep) as usize;
-        let goal = if self.is_root { target.min(ROOT_TRIANGLES) } else { target };
-        let outcome = decimator.decimate_after(&patch, group_border, goal, min_error);
+        let outcome = decimate(decimator, &patch);
         self.record.renumber(&patch, &outcome);
         self.vanished.add_own(&outcome, &self.record, task.most_lasting());
 
@@ -314,7 +362,7 @@ impl Member {
             triangles: set.triangles.len() as u64,
             base_triangles: outcome.triangle_count as u64,
             shared_vertices: set.shared.len() as u64,
-            stalled: u32::from(outcome.triangle_count > target),
+            stalled: 0,
             forced: outcome.forced as u64,
             min_error: self.min_error,
             max_error: 0.0,
@@ -337,7 +385,7 @@ impl Member {
             self.attribute_errors.extend(left().map(|face| decimator.face_attribute_errors()[face]));
         }
 
-        self.deviation = self.deviation.max(decimator.deviation());
+        self.deviation = self.deviation_below.max(decimator.deviation());
         self.report.normal_deviation = self.deviation.degrees();
         self.report.color_deviation = self.deviation.units();
     }

@@ -15,6 +15,7 @@ mod known;
 mod lasting;
 mod levels;
 mod merge;
+mod runaway;
 mod vanished;
 mod working_set;
 

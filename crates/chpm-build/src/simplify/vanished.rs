@@ -22,6 +22,7 @@ pub(super) struct Vanished {
     below: usize,
     /// Those of them, likewise, that have no remnant.
     bare: Vec<DroppedComponent>,
+    bare_below: usize,
     /// Its own, each with the place of the collapse by which it came about.
     own: Vec<(usize, DroppedComponent)>,
     /// Remnants of its own.
@@ -43,7 +44,7 @@ impl Vanished {
         self.bare.clear();
         self.own.clear();
         self.lasting.clear();
-        (self.below, self.from) = (0, f32::INFINITY);
+        (self.below, self.bare_below, self.from) = (0, 0, f32::INFINITY);
         (self.gap_below, self.rest_below) = (0.0, 0.0);
     }
 
@@ -54,9 +55,18 @@ impl Vanished {
         let mut each = each.map(bytemuck::pod_read_unaligned::<DroppedComponent>);
         self.all.extend(each.by_ref().take(count));
         self.bare.extend(each);
-        self.below = self.all.len();
+        (self.below, self.bare_below) = (self.all.len(), self.bare.len());
         self.gap_below = self.gap_below.max(gap);
         self.rest_below = self.rest_below.max(rest);
+    }
+
+    /// Forgets what a decimation left.
+    pub(super) fn forget_own(&mut self) {
+        self.all.truncate(self.below);
+        self.bare.truncate(self.bare_below);
+        self.own.clear();
+        self.lasting.clear();
+        self.from = f32::INFINITY;
     }
 
     /// Takes in what a decimation left; `most` remnants of it.

@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 const CONFIG: Configuration = bincode::config::standard();
 /// Changes with the meaning of what is in parts.
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 
 /// Head of each part.
 #[derive(Serialize, Deserialize)]

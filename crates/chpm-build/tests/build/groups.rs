@@ -165,6 +165,23 @@ fn errors_of_a_level_are_alike() {
     }
 }
 
+/// Where most vertices are shared, the rest of a cluster need not go whatever it costs: a level stores no more than a few times what larger clusters do.
+#[test]
+fn small_clusters_have_no_errors_that_run_away() {
+    let site = Site::of(&of(Shape::Terrain, 100_000));
+    let median = |cluster_triangles: u32| {
+        let (_, file) =
+            site.build(&with_mode(cluster_triangles, (BoundaryMode::Dependencies, Topology::Change)));
+        let of_level = file.clusters().iter().filter(|cluster| cluster.level == 3);
+        let mut errors: Vec<f32> = of_level.map(|cluster| cluster.max_error).collect();
+        errors.sort_unstable_by(f32::total_cmp);
+        errors[errors.len() / 2]
+    };
+    let [small, large] = [128, 2048].map(median);
+    println!("{small} beside {large}");
+    assert!(small < 6.0 * large, "{small} beside {large}");
+}
+
 #[test]
 fn a_group_has_no_more_members_than_it_may() {
     let mesh = of(Shape::Torus, 12_000);

@@ -3,7 +3,7 @@
 use crate::play::{Run, corner_sets, local, run, run_with};
 use chpm_measure::{edge_counts, topology};
 use chpm_mesh::{ProgressiveMesh, TriMesh};
-use chpm_qem::{Collapse, Decimator};
+use chpm_qem::{Collapse, Decimator, Patch, Topology};
 use chpm_synth::{Shape, Synth, hand};
 use proptest::prelude::*;
 
@@ -181,6 +181,34 @@ proptest! {
             let used = run_with(&mut decimator, &mesh, &case.locked(&mesh), case.target(&mesh), 0.0);
             prop_assert_eq!(&used.collapses, &fresh.collapses);
             prop_assert_eq!(used.refusals, fresh.refusals);
+        }
+    }
+
+    /// The first of its collapses once more leave what they left, with other topology, too.
+    #[test]
+    fn a_decimation_is_carried_out_again_as_far_as_is_asked(case in cases(), part in 0.0f64..1.0, change in any::<bool>()) {
+        let (mesh, mut decimator) = (case.mesh(), Decimator::default());
+        let (locked, triangles) = (case.locked(&mesh), local(&mesh));
+        let patch = Patch { positions: &mesh.positions, triangles: &triangles, locked: &locked, ..Patch::default() };
+        decimator.topology = if change { Topology::Change } else { Topology::Keep };
+        let state = |decimator: &Decimator| -> Vec<_> {
+            let left = (0..triangles.len()).filter(|face| decimator.is_left(*face));
+            left.map(|face| (decimator.corners(face), decimator.displacements()[face])).collect()
+        };
+
+        let all = decimator.decimate(&patch, 0, 0.0).collapses.to_vec();
+        let steps = (all.len() as f64 * part) as usize;
+        let again = decimator.decimate_again(&patch, &all[..steps], 0, 0.0);
+        prop_assert_eq!(again.collapses, &all[..steps]);
+        let (forced, dropped, left) = (again.forced, again.dropped.to_vec(), again.triangle_count);
+        let after = state(&decimator);
+        prop_assert_eq!(after.len(), left);
+
+        // A run that ends there by itself, as far as one does.
+        let short = decimator.decimate(&patch, left, 0.0);
+        if short.collapses.len() == steps {
+            prop_assert_eq!((short.forced, short.dropped), (forced, &dropped[..]));
+            prop_assert_eq!(state(&decimator), after);
         }
     }
 
