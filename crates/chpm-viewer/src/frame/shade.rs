@@ -89,6 +89,15 @@ impl<'a> Sighted<'a> {
         )
     }
 
+    /// Whether a box is outside the image, beyond one of its sides.
+    fn is_beside(&self, low: [f32; 3], high: [f32; 3]) -> bool {
+        let ([right, up, forward], [run, rise]) = (self.uniform.axes(), self.uniform.slopes());
+        [(right, run), (up, rise)].iter().any(|(side, slope)| {
+            let beyond = |axis: Vector3<f64>| self.along(&axis, low, high).low > 0.0;
+            beyond(**side - forward * *slope) || beyond(-**side - forward * *slope)
+        })
+    }
+
     /// A box across the light and toward it.
     fn across(&self, low: [f32; 3], high: [f32; 3]) -> [Span; 3] {
         self.light.each_ref().map(|axis| self.along(axis, low, high))
@@ -123,7 +132,8 @@ impl Viewer {
                 let record = &clusters[member.cluster.index()];
                 let (low, high) = (record.aabb_min, record.aabb_max);
                 let depth = sighted.along(&sighted.uniform.axes()[2], low, high);
-                if depth.high < first.near() {
+                // Without culling they are shown as well.
+                if depth.high < first.near() || sighted.is_beside(low, high) {
                     continue;
                 }
                 let begins = depth.low.max(first.near());

@@ -5,15 +5,17 @@
 //! and those are always read before any finer ones, together: a vertex that goes on upward is in the clusters above a split, too, one that
 //! collapses does so in one group, and is drawn only with all of it. So what those clusters say holds for all below, depends on nothing but
 //! the file, and is known before the vertex is drawn. It takes four bytes for each id.
+//!
+//! Collapses beside a vertex may also leave a cluster without a face about it, while it goes on in others of the group: that cluster says nothing about it then.
 
 use super::Scene;
 use crate::fetch::PageData;
 use crate::gpu::Block;
 use chpm_extmem::MappedFile;
-use chpm_format::Chpm;
+use chpm_format::{Chpm, Page};
 use chpm_mesh::facing::{Facing, area};
 use chpm_mesh::{ClusterId, GroupId};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 /// Facts about shared vertices.
@@ -72,12 +74,13 @@ impl Borders {
         let mut due = vec![together];
         while let Some(&together) = due.last() {
             let before = due.len();
-            if let Together::Below(group) = together
+            if let Together::Below(group) | Together::GroupBorders(group) = together
                 && !*self.is_done(together)
             {
                 let above = file.coarse(group).iter().map(|coarse| brought_by(file, ClusterId(*coarse)));
                 // What has collapsed in the group is there below it.
-                for above in above.chain([Together::GroupBorders(group)]) {
+                let borders = (together == Together::Below(group)).then_some(Together::GroupBorders(group));
+                for above in above.chain(borders) {
                     if !*self.is_done(above) {
                         due.push(above);
                     }
@@ -104,7 +107,7 @@ impl Borders {
         let pages: Option<Vec<_>> = clusters.iter().map(|id| pages[*id as usize].as_ref()).collect();
         let Some(pages) = pages else { return false };
         let mut faces: HashMap<u32, Vec<[f64; 3]>> = HashMap::new();
-        let mut ids = Vec::new();
+        let (mut ids, mut going_on) = (Vec::new(), HashSet::new());
 
         for page in pages {
             let page = page.page();
@@ -116,6 +119,11 @@ impl Borders {
                     ids[usize::from(vertex)] = Some(id);
                 }
             }
+            if !matches!(together, Together::GroupBorders(_)) && ids.iter().any(Option::is_some) {
+                let left = left(&page);
+                let here = ids.iter().enumerate().filter(|(vertex, _)| left.get(*vertex) == Some(&true));
+                going_on.extend(here.filter_map(|(_, id)| *id));
+            }
             for corners in page.triangles {
                 for id in corners.iter().filter_map(|vertex| ids[usize::from(*vertex)]) {
                     faces.entry(id).or_default().push(area(page.positions, corners));
@@ -123,11 +131,46 @@ impl Borders {
             }
         }
 
-        for (id, faces) in faces {
+        let collapses = matches!(together, Together::GroupBorders(_));
+        for (id, faces) in faces.into_iter().filter(|(id, _)| collapses || going_on.contains(id)) {
             self.codes[id as usize] = Facing::of_faces(&faces).code() ^ UNKNOWN;
         }
         true
     }
+}
+
+/// Per base vertex, whether a triangle of the base mesh has it.
+fn left(page: &Page<'_>) -> Vec<bool> {
+    let base = page.base_vertex_count;
+    let mut to: Vec<u16> = (0..base).map(|vertex| vertex as u16).collect();
+    for target in page.targets {
+        to.push(to[usize::from(*target)]);
+    }
+    let mut left = vec![false; base];
+    for corners in page.triangles {
+        let [a, b, c] = corners.map(|corner| to[usize::from(corner)]);
+        if a != b && b != c && c != a {
+            [a, b, c].iter().for_each(|corner| left[usize::from(*corner)] = true);
+        }
+    }
+    left
+}
+
+/// Whether a vertex of a group goes on to the clusters above it; none if a page is missing.
+fn goes_on(
+    file: &Chpm<MappedFile>,
+    pages: &[Option<Arc<PageData>>],
+    group: GroupId,
+    id: u32,
+) -> Option<bool> {
+    let mut any = false;
+    for coarse in file.coarse(group) {
+        let page = pages[*coarse as usize].as_ref()?.page();
+        if let Some((vertex, _)) = page.shared().find(|(_, other)| *other == id) {
+            any |= left(&page).get(usize::from(vertex)) == Some(&true);
+        }
+    }
+    Some(any)
 }
 
 /// Those that a cluster is read with.
@@ -146,14 +189,19 @@ impl Scene {
         let mut turned = page.vertex_count() as u32;
         if !borders.codes.is_empty() {
             borders.learn(file, pages, brought_by(file, cluster));
-            let record = &file.clusters()[cluster.index()];
-            if page.shared().any(|(vertex, _)| usize::from(vertex) >= page.base_vertex_count) {
-                borders.learn(file, pages, Together::GroupBorders(record.group()));
+            let group = file.clusters()[cluster.index()].group();
+            let left = left(&page);
+            let is_left = |vertex: u16| left.get(usize::from(vertex)) == Some(&true);
+            if page.shared().any(|(vertex, _)| !is_left(vertex)) {
+                borders.learn(file, pages, Together::GroupBorders(group));
             }
             for (vertex, id) in page.shared() {
-                match borders.code(id) {
-                    Some(code) => block.turn(vertex, code),
-                    None => turned = turned.min(u32::from(vertex)),
+                let ends = usize::from(vertex) < left.len() && !is_left(vertex);
+                match if ends { goes_on(file, pages, group, id) } else { Some(true) } {
+                    // The cluster's own faces tell.
+                    Some(false) => {}
+                    Some(true) if let Some(code) = borders.code(id) => block.turn(vertex, code),
+                    _ => turned = turned.min(u32::from(vertex)),
                 }
             }
         }
