@@ -81,20 +81,20 @@ fn smooth_pictures_show_no_borders_of_clusters() {
 /// Smoothness depends on the file alone: on nothing that was drawn or left out before.
 #[test]
 fn the_same_picture_whatever_was_drawn_before() {
-    let model = model(&Synth::new(Shape::Isosurface, 16_000, 1).to_mesh(), Normals::None);
-    let (mut culled, mut all) = (open(&model, PLENTY), open(&model, PLENTY));
-    let cameras = crate::models::cameras(&model.open(), 3);
-    for (frame, camera) in cameras.iter().enumerate() {
-        let hasty = FrameRequest {
-            wait: false,
-            ..request(cameras[(5 * frame + 1) % cameras.len()], 0.5, Shading::Smooth)
-        };
-        headless::image(&mut culled, &hasty).expect("a picture");
-        let exact = request(*camera, [0.5, 2.0, 8.0][frame % 3], Shading::Smooth);
-        let (got, _) = headless::image(&mut culled, &exact).expect("a picture");
-        let (expected, _) = headless::image(&mut all, &exact.without_culling()).expect("a picture");
-        let fresh = headless::image(&mut open(&model, PLENTY), &exact).expect("a picture").0;
-        assert!(got == expected && got == fresh, "frame {frame}");
+    for (shape, seed) in [(Shape::Isosurface, 1), (Shape::Isosurface, 2), (Shape::Plates, 1)] {
+        let model = model(&Synth::new(shape, 16_000, seed).to_mesh(), Normals::None);
+        let (mut culled, mut all) = (open(&model, PLENTY), open(&model, PLENTY));
+        let cameras = crate::models::cameras(&model.open(), 3);
+        for (frame, camera) in cameras.iter().enumerate() {
+            let other = request(cameras[(5 * frame + 1) % cameras.len()], 0.5, Shading::Smooth);
+            let hasty = FrameRequest { wait: false, ..other };
+            headless::image(&mut culled, &hasty).expect("a picture");
+            let exact = request(*camera, [0.5, 2.0, 8.0][frame % 3], Shading::Smooth);
+            let (got, _) = headless::image(&mut culled, &exact).expect("a picture");
+            let (expected, _) = headless::image(&mut all, &exact.without_culling()).expect("a picture");
+            let fresh = headless::image(&mut open(&model, PLENTY), &exact).expect("a picture").0;
+            assert!(got == expected && got == fresh, "{shape} {seed}, frame {frame}");
+        }
     }
 }
 
