@@ -268,8 +268,9 @@ fn what_is_proven_anew_is_coarser_and_near_enough() {
     let folder = Folder::new();
     folder.stdout("synth torus --triangles 20k -o in.ply -q");
     folder.stdout("build in.ply -q --cluster-triangles 512 --bounds quick");
-    folder
-        .stdout("build in.ply -o trimmed.chpm -q --cluster-triangles 512 --bounds quick --finest-error 0.1%");
+    folder.stdout(
+        "build in.ply -o trimmed.chpm -q --cluster-triangles 512 --bounds quick --finest-error 0.05%",
+    );
     for file in ["in.chpm", "trimmed.chpm"] {
         for share in ["3%", "1%", "0.5%"] {
             let asked = format!("extract {file} --error {share}");

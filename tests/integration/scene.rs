@@ -27,7 +27,7 @@ fn both_ends_hold_and_nothing_cracks() {
         let folder = model(shape);
         folder.stdout("build in.ply -q --cluster-triangles 256 --topology keep -o whole.chpm");
         for options in
-            ["--finest-error 0.2%", "--target-error 0.5%", "--finest-error 0.2% --target-error 0.5%"]
+            ["--finest-error 0.2%", "--target-error 0.3%", "--finest-error 0.2% --target-error 0.3%"]
         {
             folder.stdout(&format!("build in.ply -qf --cluster-triangles 256 --topology keep {options}"));
             let file = Chpm::open(folder.read("in.chpm")).expect("a file");
@@ -43,7 +43,7 @@ fn both_ends_hold_and_nothing_cracks() {
             assert!(finest <= if trimmed { 0.002 } else { 1e-6 }, "{shape} {options}: {finest}");
             if options.contains("target") {
                 let coarsest = deviation(&folder, "--error 1e30") / diagonal;
-                assert!(coarsest <= 0.005 + 1e-6, "{shape} {options}: {coarsest}");
+                assert!(coarsest <= 0.003 + 1e-6, "{shape} {options}: {coarsest}");
             }
         }
     }

@@ -147,9 +147,12 @@ fn a_blob_that_is_damaged_is_named_by_who_reads_it_and_made_again_by_workers() {
     bytes[1000] ^= 16;
     fs::write(&path, &bytes).expect("a part");
     folder.stdout("stage layout w.stages -q");
-    // The other half of the pages has none that lies there.
-    folder.stdout("stage emit w.stages --part 1/2 -q");
-    let told = folder.stderr("stage emit w.stages --part 2/2 -q", 2);
+    // Whichever half of the pages has some that lie there.
+    let halves = ["1/2", "2/2"].map(|part| {
+        folder.command(&format!("stage emit w.stages --part {part} -q")).output().expect("a process")
+    });
+    let told = halves.each_ref().map(|half| text(&half.stderr)).concat();
+    assert!(halves.iter().all(|half| half.status.success() || half.status.code() == Some(2)), "{halves:?}");
     assert!(told.contains("simplify-0-2-of-2.part' is not what was written"), "{told}");
     assert!(told.contains("chpm stage simplify w.stages --level 0 --part 2/2"), "{told}");
     folder.stdout("work w.stages -q");
