@@ -235,6 +235,21 @@ export function faceAlone(page) {
   }
 }
 
+/** By base vertex of a page, whether a triangle of the base mesh has it. */
+export function leftOf(page) {
+  if (page.left) return page.left;
+  const { vertexCount, baseVertexCount } = page.cluster;
+  const { targets, triangles } = page;
+  const to = Uint16Array.from({ length: vertexCount }, (_, vertex) => vertex);
+  for (let vertex = baseVertexCount; vertex < vertexCount; vertex++) to[vertex] = to[targets[vertex - baseVertexCount]];
+  page.left = new Uint8Array(baseVertexCount);
+  for (let i = 0; i < triangles.length; i += 3) {
+    const [a, b, c] = [to[triangles[i]], to[triangles[i + 1]], to[triangles[i + 2]]];
+    if (a !== b && b !== c && c !== a) page.left[a] = page.left[b] = page.left[c] = 1;
+  }
+  return page.left;
+}
+
 /** What is known of the vertices that clusters share; the same for all of them, whichever are drawn. */
 export class Borders {
   /** `pageOf` answers the page of a cluster that is there. */
@@ -253,15 +268,28 @@ export class Borders {
     if (page.normals) return { array, turned: vertexCount };
     this.#learn(this.#above(page.cluster));
     const ids = page.ids();
-    if (ids.subarray(baseVertexCount).some((id) => id >= 0)) this.#learn({ groupBorders: group });
+    const left = leftOf(page);
+    if (ids.some((id, vertex) => id >= 0 && !left[vertex])) this.#learn({ groupBorders: group });
     let turned = vertexCount;
     for (let vertex = 0; vertex < vertexCount; vertex++) {
       if (ids[vertex] < 0) continue;
-      const known = this.known.get(ids[vertex]);
+      const goesOn = vertex >= baseVertexCount || left[vertex] === 1 || this.#goesOn(group, ids[vertex]);
+      // The cluster's own faces tell.
+      if (goesOn === false) continue;
+      const known = goesOn && this.known.get(ids[vertex]);
       if (!known) turned = Math.min(turned, vertex);
       else for (let i = 0; i < 4; i++) array[4 * vertex + i] = Math.round(32767 * known[i]);
     }
     return { array, turned };
+  }
+
+  /** Whether a vertex of a group goes on to the clusters above it; undefined if a page is missing. */
+  #goesOn(id, shared) {
+    const group = this.file.group(id);
+    if (!group || !this.file.hasMembers(group)) return undefined;
+    const pages = this.file.coarse(group).map((coarse) => this.pageOf(coarse));
+    if (pages.some((page) => !page)) return undefined;
+    return pages.some((page) => leftOf(page)[page.ids().indexOf(shared)] === 1);
   }
 
   /** Those that a cluster comes with. */
@@ -276,20 +304,25 @@ export class Borders {
     const { file } = this;
     const group = file.group(together.below ?? together.groupBorders);
     if (group && !file.hasMembers(group)) return false;
-    if (together.below !== undefined) {
+    if (group) {
+      const before = file.coarse(group).map((id) => this.#above(file.cluster(id)));
       // What has collapsed in the group is there below it.
-      const before = [...file.coarse(group).map((id) => this.#above(file.cluster(id))), { groupBorders: group.id }];
+      if (together.below !== undefined) before.push({ groupBorders: group.id });
       if (!before.every((above) => this.#learn(above))) return false;
     }
     const clusters = together.roots ? this.roots : together.groupBorders === undefined ? file.fine(group) : file.coarse(group);
     const pages = clusters.map((id) => this.pageOf(id));
     if (pages.some((page) => !page)) return false;
     const found = new Map();
+    // Where a cluster has lost all faces about a vertex that others go on with, it says nothing about it.
+    const goingOn = new Set();
     const parts = pages.map((page) => {
       const { baseVertexCount } = page.cluster;
+      const left = leftOf(page);
       const slots = Int32Array.from(page.ids(), (id, vertex) => {
         const collapses = vertex >= baseVertexCount;
         if (id < 0 || this.known.has(id) || collapses !== (together.groupBorders !== undefined)) return -1;
+        if (collapses || left[vertex]) goingOn.add(id);
         if (!found.has(id)) found.set(id, found.size);
         return found.get(id);
       });
@@ -298,7 +331,7 @@ export class Borders {
     const around = new Around(found.size);
     for (const [page, slots] of parts) around.add(page, slots);
     const facing = around.facing();
-    for (const [id, slot] of found) this.known.set(id, facing.slice(4 * slot, 4 * slot + 4));
+    for (const [id, slot] of found) if (goingOn.has(id)) this.known.set(id, facing.slice(4 * slot, 4 * slot + 4));
     this.done.add(name);
     return true;
   }
