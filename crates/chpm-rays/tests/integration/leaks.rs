@@ -31,7 +31,7 @@ fn bounds(file: &File, eye: [f64; 3]) -> Vec<Bound> {
         Bound::within(0.02 * largest),
         Bound::within(0.2 * largest),
         // From the leaves on one side to the root's error on the other.
-        Bound::from_eye(eye, 0.03 * largest),
+        Bound::from_eye(eye, 0.1 * largest),
         Bound::from_eye(eye, 0.3 * largest),
         Bound { spread: 0.1 * largest, ..Bound::from_eye(eye, 0.05 * largest) },
     ]
