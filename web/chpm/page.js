@@ -1,6 +1,7 @@
 // One cluster's page: a progressive mesh in typed arrays that are views of the bytes that came.
 
 import { expect, viewOf } from "./records.js";
+import { ChpmError } from "./source.js";
 
 const FLOAT = new Float32Array(1);
 const BITS = new Uint32Array(FLOAT.buffer);
@@ -149,31 +150,70 @@ export function readPage(header, cluster, bytes) {
   return page;
 }
 
+/** Whether all numbers are finite: zero times any other is none. */
+function areFinite(numbers) {
+  let sum = 0;
+  for (let i = 0; i < numbers.length; i++) sum += 0 * numbers[i];
+  return sum === 0;
+}
+
 function check(header, page, what) {
-  const { vertexCount: v, baseVertexCount: b, sharedCount, minError, maxError } = page.cluster;
-  const { triangles, targets, errorCodes, sharedIds, sharedBits } = page;
-  expect(page.positions.every(Number.isFinite), () => `${what}: a coordinate is not finite`);
-  expect(page.normals === null || page.normals.every(Number.isFinite), () => `${what}: a normal is not finite`);
-  for (let i = 0; i < triangles.length; i += 3) {
-    const [x, y, z] = [triangles[i], triangles[i + 1], triangles[i + 2]];
-    expect(x < v && y < v && z < v && x !== y && y !== z && z !== x, () => `${what}: triangle ${i / 3} has corners ${x}, ${y}, ${z} of ${v} vertices`);
-  }
-  for (let j = 0; j < targets.length; j++) {
-    expect(targets[j] < b + j, () => `${what}: vertex ${b + j} collapses to ${targets[j]}`);
-    expect(errorCodes[j] <= (j === 0 ? LARGEST_CODE : errorCodes[j - 1]), () => `${what}: errors do not fall with more vertices`);
-  }
+  const { sharedCount, minError, maxError } = page.cluster;
+  const { targets, errorCodes, sharedIds } = page;
+  expect(areFinite(page.positions), () => `${what}: a coordinate is not finite`);
+  expect(page.normals === null || areFinite(page.normals), () => `${what}: a normal is not finite`);
+  checkTriangles(page, what);
+  checkCollapses(page, what);
   if (targets.length > 0) {
     expect(decoded(errorCodes[targets.length - 1], page.errorScale) >= minError, () => `${what}: errors below that of its finest mesh`);
   }
-  expect(page.errorAt(b) === maxError, () => `${what}: an error of ${page.errorAt(b)} at its base mesh, not ${maxError}`);
+  const ofBase = page.errorAt(page.cluster.baseVertexCount);
+  expect(ofBase === maxError, () => `${what}: an error of ${ofBase} at its base mesh, not ${maxError}`);
 
-  let shared = 0;
-  for (let i = 0; i < 8 * sharedBits.length; i++) {
-    if (!((sharedBits[i >> 3] >> (i & 7)) & 1)) continue;
-    expect(i < v, () => `${what}: bits behind the last vertex`);
-    shared += 1;
-  }
+  const shared = countShared(page, what);
   expect(shared === sharedCount, () => `${what}: ${shared} shared vertices, not ${sharedCount}`);
-  expect(sharedIds.every((id) => id < header.sharedVertexCount), () => `${what}: an id of a shared vertex is out of range`);
-  expect(new Set(sharedIds).size === sharedCount, () => `${what}: two vertices have one id`);
+  let largest = -1;
+  for (let i = 0; i < sharedIds.length; i++) largest = Math.max(largest, sharedIds[i]);
+  expect(largest < header.sharedVertexCount, () => `${what}: an id of a shared vertex is out of range`);
+  expect(areDifferent(sharedIds), () => `${what}: two vertices have one id`);
+}
+
+// The loops below make no function for each number that they look at: a page has many thousands.
+
+function checkTriangles({ cluster, triangles }, what) {
+  const v = cluster.vertexCount;
+  for (let i = 0; i < triangles.length; i += 3) {
+    const x = triangles[i];
+    const y = triangles[i + 1];
+    const z = triangles[i + 2];
+    if (x >= v || y >= v || z >= v || x === y || y === z || z === x) {
+      throw new ChpmError(`${what}: triangle ${i / 3} has corners ${x}, ${y}, ${z} of ${v} vertices`);
+    }
+  }
+}
+
+function checkCollapses({ cluster, targets, errorCodes }, what) {
+  const b = cluster.baseVertexCount;
+  let last = LARGEST_CODE;
+  for (let j = 0; j < targets.length; j++) {
+    if (targets[j] >= b + j) throw new ChpmError(`${what}: vertex ${b + j} collapses to ${targets[j]}`);
+    if (errorCodes[j] > last) throw new ChpmError(`${what}: errors do not fall with more vertices`);
+    last = errorCodes[j];
+  }
+}
+
+function countShared({ cluster, sharedBits }, what) {
+  let shared = 0;
+  for (let i = 0; i < sharedBits.length; i++) {
+    for (let bits = sharedBits[i]; bits !== 0; bits &= bits - 1) shared += 1;
+  }
+  const behind = cluster.vertexCount & 7;
+  if (behind !== 0 && sharedBits[sharedBits.length - 1] >> behind) throw new ChpmError(`${what}: bits behind the last vertex`);
+  return shared;
+}
+
+function areDifferent(ids) {
+  const sorted = ids.slice().sort();
+  for (let i = 1; i < sorted.length; i++) if (sorted[i] === sorted[i - 1]) return false;
+  return true;
 }
