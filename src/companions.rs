@@ -1,15 +1,18 @@
 //! Files that lie beside an output and are named after it: a glTF's buffer, the material and the images of a mesh.
 
+use crate::inputs;
 use crate::output::Output;
 use anyhow::{Context, Result, ensure};
 use chpm_export::{Container, PartImage, TexturedPart};
-use chpm_extmem::{AtomicFile, same_file};
+use chpm_extmem::AtomicFile;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Files beside an output, each without its name yet.
 pub(crate) struct Companions<'a> {
     output: &'a Path,
+    /// Files that were read, and stay.
+    inputs: &'a [PathBuf],
     force: bool,
     /// Whether blanks of names are kept: words of an OBJ end at them.
     keeps_blanks: bool,
@@ -29,8 +32,8 @@ pub(crate) struct Written {
 }
 
 impl<'a> Companions<'a> {
-    pub(crate) fn new(output: &'a Path, force: bool, keeps_blanks: bool) -> Self {
-        Companions { output, force, keeps_blanks, written: Vec::new() }
+    pub(crate) fn new(output: &'a Path, inputs: &'a [PathBuf], force: bool, keeps_blanks: bool) -> Self {
+        Companions { output, inputs, force, keeps_blanks, written: Vec::new() }
     }
 
     /// Writes one whose name is the output's with another end, which is answered.
@@ -40,6 +43,8 @@ impl<'a> Companions<'a> {
             name = name.replace(char::is_whitespace, "_");
         }
         let path: PathBuf = self.output.with_file_name(&name);
+        let inputs: Vec<&Path> = self.inputs.iter().map(PathBuf::as_path).collect();
+        inputs::refuse(&path, &inputs)?;
         let mut file = AtomicFile::create(&path, self.force)?;
         file.write_all(bytes).with_context(|| format!("cannot write '{}'", path.display()))?;
         self.written.push(file);
@@ -87,13 +92,7 @@ impl Buffer {
     pub(crate) fn create(output: &Path, force: bool, inputs: &[&Path]) -> Result<Self> {
         let name = named(output, ".bin")?;
         let path = output.with_file_name(&name);
-        let is_input = inputs.iter().any(|input| same_file(input, &path));
-        ensure!(
-            !is_input,
-            "the buffer of '{}' would be the input, '{}'; choose another name",
-            output.display(),
-            path.display()
-        );
+        inputs::refuse(&path, inputs)?;
         Ok(Buffer { file: AtomicFile::create(&path, force)?, name })
     }
 }

@@ -127,6 +127,10 @@ pub(crate) fn merged(
 ) -> Result<(Vec<OsString>, BTreeMap<String, String>)> {
     let matches = Cli::command().try_get_matches_from(words)?;
     let mut taken = matches.subcommand().map(|(_, verb)| typed(verb)).unwrap_or_default();
+    let value = |of: &str| matches.subcommand().and_then(|(_, verb)| verb.get_raw(of)?.next()?.to_str());
+    if taken.contains("texture") && value("texture") != Some("none") {
+        taken.insert("no-colors".to_owned());
+    }
     let (mut added, mut origins) = (Vec::new(), BTreeMap::new());
     for layer in layers {
         let free: Vec<_> = layer.settings.iter().filter(|(name, _)| is_free(name, &taken)).collect();
@@ -148,7 +152,9 @@ pub(crate) fn merged(
 /// Whether neither an option nor one that it excludes is there.
 fn is_free(name: &str, taken: &BTreeSet<String>) -> bool {
     let rivals = RIVALS.iter().filter(|rivals| rivals.contains(&name)).flatten();
-    !taken.contains(name) && !rivals.into_iter().any(|rival| taken.contains(*rival))
+    // Images give vertices colours.
+    let is_held = name == "texture" && taken.contains("no-colors");
+    !taken.contains(name) && !is_held && !rivals.into_iter().any(|rival| taken.contains(*rival))
 }
 
 /// Names of options that were typed.
@@ -225,6 +231,17 @@ mod tests {
             of("chpm build x.ply --topology change"),
             "chpm build --prune-exact --seed=3 --pages=packed x.ply --topology change"
         );
+        let colors = [layer("file", &[("no-colors", "")]), layer("preset", &[("texture", "sheets")])];
+        for (typed, expected) in [
+            ("chpm build x.ply", "chpm build --no-colors x.ply"),
+            ("chpm build x.ply --texture none", "chpm build --no-colors x.ply --texture none"),
+            ("chpm build x.ply --texture sheets", "chpm build x.ply --texture sheets"),
+        ] {
+            let (words, _) = merged(&words(typed), &colors).unwrap();
+            assert_eq!(words.join(" ".as_ref()), expected);
+        }
+        let (typed, _) = merged(&words("chpm build x.ply --no-colors"), &colors).unwrap();
+        assert_eq!(typed.join(" ".as_ref()), "chpm build x.ply --no-colors");
         assert_eq!(
             of("chpm build x.ply --finest-error 1% --seed 9 --pages raw"),
             "chpm build --topology=keep x.ply --finest-error 1% --seed 9 --pages raw"

@@ -37,6 +37,11 @@ pub(crate) struct CrsArgs {
 }
 
 impl CrsArgs {
+    /// Whether one was typed.
+    pub(crate) fn is_typed(&self) -> bool {
+        self.crs.is_some()
+    }
+
     /// The system that is typed, or that the file tells unless the model `is_elsewhere`.
     ///
     /// # Errors
@@ -52,11 +57,18 @@ impl CrsArgs {
 }
 
 impl Crs {
+    /// Metres of one unit of its coordinates.
+    pub(crate) fn metres(&self) -> f64 {
+        self.from.to_meter()
+    }
+
     /// Longitude and latitude in degrees and height in metres above the ellipsoid of WGS 84 of a point; none outside of the system.
     pub(crate) fn geodetic(&self, [x, y, z]: [f64; 3]) -> Option<[f64; 3]> {
-        let mut point = (x, y, z * self.from.to_meter() + self.geoid);
+        let height = z * self.metres() + self.geoid;
+        let mut point = (x, y, height);
         transform(&self.from, &self.to, &mut point).ok()?;
-        let found = [point.0.to_degrees(), point.1.to_degrees(), point.2];
+        // Those systems have two coordinates: heights are not above their ellipsoids, and have nothing to do with the way to another.
+        let found = [point.0.to_degrees(), point.1.to_degrees(), height];
         found.iter().all(|x| x.is_finite()).then_some(found)
     }
 
@@ -161,5 +173,17 @@ mod tests {
     fn feet_are_feet_in_height_too() {
         let [.., height] = "EPSG:2263".parse::<Crs>().unwrap().geodetic([1e6, 2e5, 1000.0]).unwrap();
         assert!((height - 304.8).abs() < 0.01, "{height}");
+    }
+
+    #[test]
+    fn a_height_is_not_moved_with_the_datum() {
+        for (code, x, y) in
+            [(27700, 530e3, 180e3), (2056, 2.6e6, 1.2e6), (28992, 155e3, 463e3), (25832, 5e5, 5.5e6)]
+        {
+            let crs: Crs = format!("EPSG:{code}").parse().unwrap();
+            assert_eq!(crs.geodetic([x, y, 100.0]).unwrap()[2], 100.0, "{code}");
+            let crs = Crs { geoid: 46.0, ..crs };
+            assert_eq!(crs.geodetic([x, y, 100.0]).unwrap()[2], 146.0, "{code} above the sea");
+        }
     }
 }

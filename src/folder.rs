@@ -37,8 +37,8 @@ const MAGIC: u64 = u64::from_le_bytes(*b"CHPMjrnl");
 
 impl OutputFolder {
     /// Begins a folder that will be called `target`, or goes on with one of the same `key`, which stands for all that decides its bytes; without a key
-    /// it begins anew. Where one is there already, it is replaced if it is empty, or, with `force`, if it holds nothing but `names`, of which the first has to be there: what else
-    /// somebody keeps in it is not for us to remove.
+    /// it begins anew. Where one is there already, it is replaced if it is empty, or, with `force`, if it holds nothing but files like `names`, whatever numbers are in these, of which the
+    /// first has to be there: what else somebody keeps in it, or below it, is not for us to remove.
     pub(crate) fn create(target: &Path, force: bool, names: &[&str], key: Option<u64>) -> Result<Self> {
         let name = target
             .file_name()
@@ -196,10 +196,8 @@ fn resume(partial: &Path, key: u64) -> Option<(File, Vec<Written>)> {
 
 fn replaceable(target: &Path, force: bool, names: &[&str]) -> Result<()> {
     let told = || format!("cannot look into '{}'", target.display());
-    let entries = fs::read_dir(target).with_context(told)?;
-    let found: Vec<OsString> =
-        entries.map(|entry| Ok(entry?.file_name())).collect::<std::io::Result<_>>().with_context(told)?;
-    if found.is_empty() {
+    let mut found = fs::read_dir(target).with_context(told)?.peekable();
+    if found.peek().is_none() {
         return Ok(());
     }
     ensure!(
@@ -207,8 +205,8 @@ fn replaceable(target: &Path, force: bool, names: &[&str]) -> Result<()> {
         "'{}' is there already; use --force to replace it, or choose another name",
         target.display()
     );
-    let foreign = found.iter().find(|found| !names.iter().any(|name| *found == name));
-    if let Some(foreign) = foreign {
+    let kinds: Vec<String> = names.iter().map(|name| kind(name)).collect();
+    if let Some(foreign) = foreign(target, "", &kinds).with_context(told)? {
         bail!(
             "'{}' holds '{}', which this command did not write; choose another folder",
             target.display(),
@@ -218,6 +216,43 @@ fn replaceable(target: &Path, force: bool, names: &[&str]) -> Result<()> {
     let is_ours = target.join(names[0]).is_file();
     ensure!(is_ours, "'{}' has no '{}'; choose another folder", target.display(), names[0]);
     Ok(())
+}
+
+/// A name without its numbers, by which files of one kind differ.
+fn kind(name: &str) -> String {
+    let mut kind = String::new();
+    for letter in name.chars() {
+        match letter {
+            '0'..='9' if kind.ends_with('#') => {}
+            '0'..='9' => kind.push('#'),
+            _ => kind.push(letter),
+        }
+    }
+    kind
+}
+
+/// Something in a folder, or below it, that is of none of the kinds, nor a folder of such; `above` is the folder's own kind.
+fn foreign(folder: &Path, above: &str, kinds: &[String]) -> io::Result<Option<PathBuf>> {
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        let name = entry.file_name();
+        let own = name.to_str().map(|name| format!("{above}{}", kind(name)));
+        let is_folder = entry.file_type()?.is_dir();
+        let is_known = own.as_ref().is_some_and(|own| match is_folder {
+            true => kinds
+                .iter()
+                .any(|kind| kind.strip_prefix(own.as_str()).is_some_and(|rest| rest.starts_with('/'))),
+            false => kinds.contains(own),
+        });
+        if !is_known {
+            return Ok(Some(name.into()));
+        }
+        let below = own.filter(|_| is_folder).map(|own| foreign(&entry.path(), &format!("{own}/"), kinds));
+        if let Some(found) = below.transpose()?.flatten() {
+            return Ok(Some(Path::new(&name).join(found)));
+        }
+    }
+    Ok(None)
 }
 
 /// Removes what stopped runs left that were for something else; whoever calls has the lock.
@@ -237,7 +272,7 @@ fn sweep(place: &Path, begin: &OsStr, own: &OsString) {
 mod tests {
     use super::*;
 
-    const NAMES: [&str; 2] = ["index", "parts"];
+    const NAMES: [&str; 2] = ["index", "parts/0/a"];
 
     fn names(place: &Path) -> Vec<String> {
         let entries = fs::read_dir(place).unwrap();
@@ -350,12 +385,31 @@ mod tests {
         let place = tempfile::tempdir().unwrap();
         let target = place.path().join("photos");
         fs::create_dir(&target).unwrap();
-        fs::write(target.join("parts"), b"").unwrap();
+        fs::create_dir_all(target.join("parts/1")).unwrap();
+        fs::write(target.join("parts/1/a"), b"").unwrap();
         assert!(fill(&target, true, "").unwrap_err().to_string().contains("has no 'index'"));
+        fs::remove_dir_all(target.join("parts")).unwrap();
         fs::write(target.join("index"), b"").unwrap();
-        fs::write(target.join("holiday.jpg"), b"").unwrap();
-        assert!(fill(&target, true, "").unwrap_err().to_string().contains("holiday.jpg"));
-        assert_eq!(names(&target).len(), 3);
+        for foreign in
+            ["holiday.jpg", "parts/mine", "parts/12/b", "parts/12/a/mine", "parts/x/a", "index/mine"]
+        {
+            let file = target.join(foreign);
+            if foreign.starts_with("index") {
+                fs::remove_file(target.join("index")).unwrap();
+            }
+            fs::create_dir_all(file.parent().unwrap()).unwrap();
+            fs::write(&file, b"").unwrap();
+            let told = fill(&target, true, "").unwrap_err().to_string();
+            assert!(told.contains("which this command did not write"), "{foreign}: {told}");
+            assert!(file.is_file(), "{foreign}");
+            fs::remove_file(&file).unwrap();
+            let _ = fs::remove_dir(file.parent().unwrap());
+        }
+        fs::write(target.join("index"), b"").unwrap();
+        fs::create_dir_all(target.join("parts/12")).unwrap();
+        fs::write(target.join("parts/12/a"), b"").unwrap();
+        fill(&target, true, "ours").unwrap();
+        assert_eq!(names(&target.join("parts")), ["1"]);
         let file = place.path().join("file");
         fs::write(&file, b"").unwrap();
         assert!(fill(&file, true, "").is_err() && fill(&place.path().join("no/such"), true, "").is_err());

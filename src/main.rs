@@ -30,6 +30,7 @@ mod frame;
 mod further;
 mod georeference;
 mod help;
+mod inputs;
 mod json;
 mod memory;
 mod mesh_file;

@@ -8,6 +8,7 @@ use crate::cmd::check_unchanged;
 use crate::companions::{Buffer, Written, container};
 use crate::escape::in_line;
 use crate::frame::Frame;
+use crate::inputs;
 use crate::json::{self, made, named};
 use crate::number::AtMost;
 use crate::output::{self, Output, Promise, Writes};
@@ -76,6 +77,8 @@ pub(crate) struct MeshArgs {
 /// A mesh file that is being written.
 pub(crate) struct MeshFile<'a> {
     args: &'a MeshArgs,
+    /// Files that are read.
+    inputs: Vec<PathBuf>,
     by: &'static str,
     format: MeshFormat,
     pub(crate) output: Output,
@@ -200,11 +203,13 @@ impl MeshArgs {
             ),
             (true, false) => {
                 let path = aside(&self.output);
+                inputs::refuse(&path, inputs)?;
                 let file = AtomicFile::create(&path, self.force)?;
                 Some((path, file))
             }
         };
-        Ok(MeshFile { args: self, by, format, output, buffer, aside })
+        let inputs = inputs.iter().map(|input| input.to_path_buf()).collect();
+        Ok(MeshFile { args: self, inputs, by, format, output, buffer, aside })
     }
 }
 

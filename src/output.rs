@@ -1,8 +1,9 @@
 //! Where a verb's result goes: into a file that appears complete or not at all, or to standard output.
 
 use crate::escape::Escaped;
+use crate::inputs;
 use anyhow::{Result, bail, ensure};
-use chpm_extmem::{AtomicFile, ExtmemError, same_file};
+use chpm_extmem::{AtomicFile, ExtmemError};
 use std::io::{self, BufWriter, StdoutLock, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -173,9 +174,7 @@ impl Writes {
     /// The same of what is not streamed, and so is a file.
     pub(crate) fn create_file(self, path: &Path, force: bool, inputs: &[&Path]) -> Result<AtomicFile> {
         self.check(path)?;
-        // An input that is gone is told by whoever reads it.
-        let is_input = inputs.iter().any(|input| same_file(input, path));
-        ensure!(!is_input, "the output '{}' is the input itself; choose another name", path.display());
+        inputs::refuse(path, inputs)?;
         Ok(AtomicFile::create(path, force)?)
     }
 }

@@ -67,6 +67,18 @@ pub(crate) fn need(
     }
 }
 
+/// Whether what is there as the output of a model may be replaced: an `earlier` run made it, or it tells that it is of a source of this name.
+pub(crate) fn is_ours(source: &Path, output: &Path, earlier: Option<&Row>) -> bool {
+    let name = source.file_name().map(|name| name.to_string_lossy());
+    let is_of_source = || {
+        let metadata = cmd::open(output).and_then(|file| Ok(file.metadata()?));
+        metadata.is_ok_and(|metadata| name.is_some_and(|name| metadata.source.name == name))
+    };
+    output.symlink_metadata().is_err()
+        || earlier.is_some_and(|row| row.output == output && !row.hash.is_empty())
+        || is_of_source()
+}
+
 /// Whether a file has these settings. That its colours are those of images is up to its source, where they are read.
 fn is_of(built: &[(String, String)], settings: &Settings) -> bool {
     let reads_images = settings.images() != Images::Ignored;

@@ -60,7 +60,7 @@ fn take(input: &Path, found: &mut Vec<Model>) -> Result<()> {
     } else if input.exists() && manifest::is_manifest(input) {
         for listed in manifest::read(input)? {
             let name = listed.name.map_or_else(|| stem(&listed.source), Ok)?;
-            found.push(Model { name: checked(name)?, source: listed.source, settings: listed.settings });
+            found.push(Model { name: checked(&name)?, source: listed.source, settings: listed.settings });
         }
     } else if input.exists() {
         found.push(Model { name: stem(input)?, source: input.to_owned(), settings: Vec::new() });
@@ -166,11 +166,18 @@ pub(crate) fn is_mesh(path: &Path) -> bool {
     extension(path).is_some_and(|extension| is_of_mesh(&extension)) && path.is_file()
 }
 
-/// A name from a list must stay below the output folder.
-fn checked(name: String) -> Result<String> {
-    let inside = Path::new(&name).components().all(|part| matches!(part, Component::Normal(_)));
-    ensure!(inside && !name.is_empty(), "the name '{name}' leads out of the output folder");
-    Ok(name)
+/// A name from a list, which must stay below the output folder, in the one way that its file is called.
+fn checked(name: &str) -> Result<String> {
+    let mut parts = Vec::new();
+    for part in Path::new(name).components() {
+        match part {
+            Component::Normal(part) => parts.push(part.to_string_lossy()),
+            Component::CurDir => {}
+            _ => bail!("the name '{name}' leads out of the output folder"),
+        }
+    }
+    ensure!(!parts.is_empty(), "the name '{name}' names no file");
+    Ok(parts.join("/"))
 }
 
 #[cfg(test)]
@@ -195,9 +202,11 @@ mod tests {
     #[test]
     fn names_stay_below_the_output_folder() {
         for bad in ["../x", "/x", "a/../../x", ""] {
-            assert!(checked(bad.to_owned()).is_err(), "{bad}");
+            assert!(checked(bad).is_err(), "{bad}");
         }
-        assert_eq!(checked("a/b".to_owned()).unwrap(), "a/b");
+        for same in ["a/b", "a//b", "./a/b", "a/./b"] {
+            assert_eq!(checked(same).unwrap(), "a/b", "{same}");
+        }
     }
 
     #[test]

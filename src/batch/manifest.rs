@@ -36,6 +36,8 @@ pub(crate) type Settings = BTreeMap<String, Value>;
 pub(crate) enum Value {
     Switch(bool),
     Whole(i64),
+    /// Beyond those.
+    Large(u64),
     Number(f64),
     Text(String),
     /// Of an option that can be given several times.
@@ -86,6 +88,7 @@ fn typed(name: &str, value: &Value) -> Vec<String> {
         Value::Switch(true) => vec![format!("--{name}")],
         Value::Switch(false) => Vec::new(),
         Value::Whole(n) => vec![format!("--{name}={n}")],
+        Value::Large(n) => vec![format!("--{name}={n}")],
         Value::Number(x) => vec![format!("--{name}={x}")],
         Value::Text(text) => vec![format!("--{name}={text}")],
         Value::List(values) => values.iter().flat_map(|value| typed(name, value)).collect(),
@@ -106,6 +109,18 @@ mod tests {
             model.source = model.source.strip_prefix(folder.path())?.to_owned();
         }
         Ok(all)
+    }
+
+    #[test]
+    fn a_seed_of_64_bits_is_kept() {
+        for (name, text) in [
+            ("m.toml", "[settings]\nseed = 9223372036854775809\n[[model]]\nsource = 'x.ply'\n"),
+            ("m.json", r#"{"settings": {"seed": 9223372036854775809}, "models": [{"source": "x.ply"}]}"#),
+        ] {
+            let settings: Vec<_> =
+                listed(name, text).unwrap().into_iter().flat_map(|model| model.settings).collect();
+            assert_eq!(settings, ["--seed=9223372036854775809"], "{name}");
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The page of a batch.
 
-use super::summary::{Status, Summary};
+use super::summary::{self, Status, Summary};
 use crate::cmd;
 use crate::number::Short;
 use anyhow::Result;
@@ -8,6 +8,9 @@ use chpm_export::uri;
 use chpm_mesh::Bytes;
 use chpm_report::page::{self, Card};
 use std::path::{MAIN_SEPARATOR, Path};
+
+/// By which a page of a batch is known.
+const MARK: &str = "<meta name=\"generator\" content=\"chpm batch\">";
 
 /// The page of a batch, failures first; a model of which there is no picture has none.
 pub(crate) fn index(summary: &Summary, folder: &Path) -> Result<String> {
@@ -25,7 +28,13 @@ pub(crate) fn index(summary: &Summary, folder: &Path) -> Result<String> {
             link: address(row.output.strip_prefix(folder).unwrap_or(&row.output)),
         });
     }
-    Ok(page::index(&summary.line(), cards)?)
+    let page = page::index(&summary.line(), cards)?;
+    Ok(page.replacen("<head>\n", &format!("<head>\n{MARK}\n"), 1))
+}
+
+/// An error if a page is there that no batch wrote.
+pub(crate) fn check(path: &Path) -> Result<()> {
+    summary::replaces(path, |text| text.windows(MARK.len()).any(|part| part == MARK.as_bytes()))
 }
 
 /// A relative path as a browser takes it, whatever its names are made of.

@@ -41,8 +41,17 @@ pub(crate) fn plan(
             true => Need::Build("asked for"),
             false => fingerprint::need(&model.source, &output, &config.settings, before, cancel),
         };
-        let row = row(model, &config, output, need, cancel);
-        Task { config, need, row }
+        let is_ours = anew || fingerprint::is_ours(&model.source, &output, before);
+        let mut row = row(model, &config, output, need, cancel);
+        if need == Need::Nothing || is_ours {
+            return Task { config, need, row };
+        }
+        row.status = Status::Failed;
+        row.error = Some(format!(
+            "'{}' is there, and is not of this source: call the model otherwise in a list, choose another folder, or pass --force",
+            row.output.display()
+        ));
+        Task { config, need: Need::Nothing, row }
     });
     tasks.collect()
 }

@@ -18,6 +18,8 @@ fn shown<S: Serializer>(path: &Path, to: S) -> Result<S::Ok, S::Error> {
 }
 
 const SCHEMA: &str = "chpm-batch/1";
+/// First line of the CSV.
+const CSV: &str = "name,status,reason,seconds,triangles,source_bytes,output_bytes,bytes_per_triangle,error,warnings,source,output\n";
 
 /// `chpm batch --json`, and `summary.json` in the folder of the results
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -113,11 +115,22 @@ impl Summary {
         })
     }
 
-    /// An error if JSON or CSV could not be written to the folder for what is there by now.
-    pub(crate) fn check(folder: &Path, shard: Option<Shard>) -> Result<()> {
+    /// An error if JSON or CSV could not be written to the folder for what is there by now: folders, one of the `inputs`, or, without `force`, what no batch wrote.
+    pub(crate) fn check(folder: &Path, shard: Option<Shard>, force: bool, inputs: &[PathBuf]) -> Result<()> {
         let json = Summary::path(folder, shard);
-        chpm_extmem::target(&json, true)?;
-        chpm_extmem::target(&json.with_extension("csv"), true)?;
+        for path in [&json.with_extension("csv"), &json] {
+            chpm_extmem::target(path, true)?;
+            let is_ours = path != &json || !inputs.iter().any(|input| chpm_extmem::same_file(input, path));
+            ensure!(
+                is_ours,
+                "the batch writes '{}', which is the list that it was given: call that otherwise",
+                path.display()
+            );
+        }
+        if !force {
+            replaces(&json, |text| serde_json::from_slice::<Summary>(text).is_ok())?;
+            replaces(&json.with_extension("csv"), |text| text.starts_with(CSV.as_bytes()))?;
+        }
         Ok(())
     }
 
@@ -191,9 +204,7 @@ impl Summary {
     }
 
     fn csv(&self) -> String {
-        let mut text = "name,status,reason,seconds,triangles,source_bytes,output_bytes,bytes_per_triangle,error,warnings,\
-                        source,output\n"
-            .to_owned();
+        let mut text = CSV.to_owned();
         for row in &self.models {
             let fields = [
                 row.name.clone(),
@@ -214,6 +225,20 @@ impl Summary {
         }
         text
     }
+}
+
+/// An error if a file is there that the batch would replace, and that is none of an earlier one.
+pub(crate) fn replaces(path: &Path, is_ours: impl Fn(&[u8]) -> bool) -> Result<()> {
+    if !path.is_file() {
+        return Ok(());
+    }
+    let text = std::fs::read(path).with_context(|| format!("cannot read '{}'", path.display()))?;
+    ensure!(
+        is_ours(&text),
+        "the batch writes '{}', which is there and which no batch wrote: choose another folder, or pass --force",
+        path.display()
+    );
+    Ok(())
 }
 
 /// One summary of several machines' parts. None may be missing, and no model may be in two.

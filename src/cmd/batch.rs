@@ -79,7 +79,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let models = models.collect::<Result<Vec<(Model, BuildConfig)>>>()?;
 
     let path = Summary::path(&args.output, args.shard);
-    Summary::check(&args.output, args.shard)?;
+    check_outputs(args)?;
     let earlier = run::earlier(&path);
     if args.dry_run {
         let tasks = run::plan(models, &args.output, &earlier, args.force, &Cancel::default());
@@ -121,7 +121,7 @@ fn jobs(args: &Args, config: &BuildConfig) -> usize {
 }
 
 fn merge(args: &Args) -> Result<Verdict> {
-    Summary::check(&args.output, None)?;
+    check_outputs(args)?;
     let inputs = args.inputs.iter().map(|path| Ok((path.clone(), Summary::read(path)?)));
     let summary = summary::merge(inputs.collect::<Result<_>>()?)?;
     fs::create_dir_all(&args.output)
@@ -131,10 +131,22 @@ fn merge(args: &Args) -> Result<Verdict> {
     print(args, &summary)
 }
 
+/// Refuses to replace what is not of a batch.
+fn check_outputs(args: &Args) -> Result<()> {
+    Summary::check(&args.output, args.shard, args.force, &args.inputs)?;
+    if args.report && !args.force {
+        page::check(&args.output.join(INDEX))?;
+    }
+    Ok(())
+}
+
+/// The page's name.
+const INDEX: &str = "index.html";
+
 /// The page, if it is wanted.
 fn write_index(args: &Args, summary: &Summary) -> Result<()> {
     if args.report {
-        let mut file = AtomicFile::create(&args.output.join("index.html"), true)?;
+        let mut file = AtomicFile::create(&args.output.join(INDEX), true)?;
         let text = page::index(summary, &args.output)?;
         file.write_all(text.as_bytes()).map_err(|error| file.error(error))?;
         file.publish()?;

@@ -5,7 +5,7 @@ use crate::number;
 use crate::output::{self, Output};
 use crate::progress::Meter;
 use crate::stop::Stop;
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use chpm_build::{BuildConfig, Resources};
 use chpm_extmem::{AtomicFile, Store};
 use chpm_import::ply::Encoding;
@@ -53,6 +53,9 @@ fn show(args: &Args, folder: &Path, stop: &Stop) -> Result<Verdict> {
     let cancel = stop.heed();
     let config = BuildConfig::default();
     // Whatever is refused is refused before the work: the built file's name too.
+    for path in [&source, &output] {
+        ensure!(!path.exists(), "'{}' is there already: choose another folder for --keep", path.display());
+    }
     drop(AtomicFile::create(&output, config.overwrite)?);
     let file = Output::File(AtomicFile::create(&source, false)?);
     let model = Synth::new(Shape::Isosurface, args.triangles, SEED);

@@ -5,12 +5,13 @@ use crate::args::Pages;
 use crate::memory::{self, MemoryArgs};
 use crate::output;
 use crate::progress::Meter;
+use crate::report::causes;
 use crate::stop::Stop;
 use crate::threads::ThreadArgs;
-use anyhow::{Result, ensure};
+use anyhow::{Result, anyhow, ensure};
 use chpm_build::config::Volumes;
 use chpm_build::page_order::{self, Run};
-use chpm_build::{Append, FailPoints, OutputFiles};
+use chpm_build::{Append, BuildError, FailPoints, OutputFiles};
 use chpm_extmem::{MappedFile, same_file};
 use chpm_format::{Chpm, ClusterRecord, FormatError, Tables, checksum, packed, volume};
 use chpm_mesh::{Aabb, Bytes, ClusterId, GroupId};
@@ -119,6 +120,11 @@ fn largest(file: &Chpm<MappedFile>) -> u64 {
     2 * pages.max().unwrap_or(0)
 }
 
+/// That a page is larger than a volume, which is no fault of the file that is read.
+fn too_small(error: BuildError) -> anyhow::Error {
+    anyhow!("--volume-size: {}", causes(&error.into()).join(": "))
+}
+
 /// Pages first, each behind the one before; then the tables, which say where these are.
 fn write(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<u64> {
     let (meter, cancel) = (Meter::new(args.quiet), stop.heed());
@@ -153,7 +159,7 @@ fn write(file: &Chpm<MappedFile>, args: &Args, stop: &Stop) -> Result<u64> {
         let stored = batch.par_iter().map(|id| store(file, *id, pages)).collect::<Result<Vec<_>, _>>()?;
         for (record, (bytes, flag)) in records.iter_mut().zip(stored) {
             let len = (bytes.len() as u64).next_multiple_of(align);
-            let place = append.next(len)?;
+            let place = append.next(len).map_err(too_small)?;
             end = place + len;
             out.make_room(end)?;
             out.write_all_at(&bytes, place)?;
@@ -189,7 +195,7 @@ fn write_sheets(
         // One that is damaged is told, and not copied.
         file.sheet(*id)?;
         let len = end - record.offset;
-        let place = append.next(len)?;
+        let place = append.next(len).map_err(too_small)?;
         out.make_room(place + len)?;
         out.write_all_at(file.sheet_bytes(*id).unwrap_or_default(), place)?;
     }

@@ -1,7 +1,7 @@
 //! `chpm section`: the lines that planes cut out of a model.
 
 use super::{Verdict, check_unchanged, open, reading};
-use crate::crs::CrsArgs;
+use crate::crs::{Crs, CrsArgs};
 use crate::georeference::{At, Georeference, Placed};
 use crate::json::{self, made, named};
 use crate::memory::{self, MemoryArgs};
@@ -87,6 +87,9 @@ struct CutArgs {
 /// Memory of a thread for a page, its triangles and the segments of one batch of planes, at most.
 const WORK: u64 = 24 << 20;
 
+/// Feet are of two lengths, which differ by less.
+const SAME_UNIT: f64 = 1e-5;
+
 /// Cuts, and writes what is asked for.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let file = open(&args.file)?;
@@ -121,12 +124,24 @@ impl Target {
             )
         };
         let format = writes.format();
-        let is_told = args.origin.is_some() || args.crs.of(file, false)?.is_some();
-        ensure!(
-            format != "GeoJSON" || is_told,
-            "GeoJSON is in longitude and latitude (WGS 84), and a mesh does not say where on the earth it is: add --crs EPSG:CODE or --origin LON,LAT,H, or \
-             write SVG, DXF or CSV, which are in the model's coordinates"
-        );
+        let crs = args.crs.of(file, false)?;
+        if format == "GeoJSON" {
+            ensure!(
+                args.origin.is_some() || crs.is_some(),
+                "GeoJSON is in longitude and latitude (WGS 84), and a mesh does not say where on the earth it is: add --crs EPSG:CODE or --origin LON,LAT,H, or \
+                 write SVG, DXF or CSV, which are in the model's coordinates"
+            );
+            let metres = crs.as_ref().filter(|_| args.origin.is_none()).map_or(1.0, Crs::metres);
+            ensure!(
+                args.unit.is_none_or(|unit| (unit.metres() / metres - 1.0).abs() < SAME_UNIT),
+                "--unit is another than that of the coordinates that --crs or --origin says the model has, {metres} m: leave it out, or scale the model"
+            );
+        } else {
+            ensure!(
+                args.origin.is_none() && !args.crs.is_typed(),
+                "--origin and --crs are for GeoJSON, and {format} is in the model's coordinates: leave them out"
+            );
+        }
         ensure!(
             args.scale.is_none() || format == "SVG",
             "--scale is that of an SVG, and {format} has none: leave it out"

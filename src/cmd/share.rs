@@ -13,7 +13,7 @@ use crate::stop::Stop;
 use crate::web::{Given, whole_page};
 use anyhow::{Context, Result, ensure};
 use chpm_build::config::Positions;
-use chpm_build::{BuildConfig, MIN_MEMORY, Resources, Settings};
+use chpm_build::{BuildConfig, Resources, Settings};
 use chpm_extmem::{MappedFile, read_text};
 use chpm_format::Chpm;
 use chpm_mesh::{Bytes, Counted};
@@ -67,8 +67,8 @@ const PIECES: &str = "model";
 const FIRST_PIECE: &str = "model/00000.bin";
 /// The page's name there, which hosts show for the folder.
 const INDEX: &str = "index.html";
-/// Names in the folder, those of older versions too.
-const NAMES: [&str; 6] = [MODEL, PIECES, INDEX, NOTES, "view", "chpm"];
+/// Files in the folder, one of each kind.
+const NAMES: [&str; 4] = [MODEL, FIRST_PIECE, INDEX, NOTES];
 /// The name of its notes.
 const NOTES: &str = "notes.json";
 /// Most bytes of them.
@@ -160,7 +160,7 @@ fn write_model(args: &Args, built: Option<&Chpm<MappedFile>>, model: &Path, stop
     let (packed, chained) = (pages != Pages::Raw, pages == Pages::Chained);
     // A page is looked at: digits finer than the model's detail need not be sent.
     let positions = args.positions.unwrap_or(Positions::Auto);
-    let memory = args.memory.memory().max(Bytes(MIN_MEMORY));
+    let memory = args.memory.memory();
     let config = BuildConfig {
         settings: Settings { packed, chained, shown, positions, ..Settings::default() },
         resources: Resources { memory, checkpoint: None, ..Resources::default() },

@@ -53,7 +53,7 @@ impl Ready<'_, '_> {
         let mut facts = facts(file, (&levels, frame.origin()), target.by, offset, turn);
         facts.scalars.clear();
         facts.grid = grid;
-        let mut beside = Companions::new(path, target.args.force, format == MeshFormat::Gltf);
+        let mut beside = Companions::new(path, &target.inputs, target.args.force, format == MeshFormat::Gltf);
         let (mut all, mut images) = (Vec::new(), Vec::new());
         let mut before = 0;
         for (cut, level) in cuts.iter().zip(&levels) {

@@ -92,12 +92,12 @@ fn a_failure_stops_no_other_and_only_what_is_left_is_built_again() {
     let bytes = folder.read("in/b.ply");
     fs::remove_file(folder.path("in/b.ply")).expect("removed");
     folder.write("in/b.ply", bytes);
-    folder.write("out/summary.json", "lost");
+    fs::remove_file(folder.path("out/summary.json")).expect("removed");
     let plan = folder.stdout(&format!("batch in {BATCH} --dry-run --json"));
     let plan: Value = serde_json::from_str(&plan).expect("a plan");
     let reason = |i: usize| plan["models"][i]["reason"].as_str().expect("a reason").to_owned();
     assert_eq!([reason(1), reason(2), reason(3), reason(4)], ["", "new", "new", "source changed"]);
-    assert_eq!(folder.read("out/summary.json"), b"lost", "a dry run writes nothing");
+    assert!(!folder.path("out/summary.json").exists(), "a dry run writes nothing");
     folder.stdout(&format!("batch in {BATCH}"));
     let settled = fates(&summary(&folder, "out/summary.json"));
     assert_eq!(
@@ -148,6 +148,56 @@ fn collisions_are_found_before_any_work() {
 }
 
 #[test]
+fn what_no_batch_wrote_is_not_replaced_without_force() {
+    let folder = scans();
+    fs::create_dir(folder.path("out")).expect("a folder");
+    let own = ["summary.json", "summary.csv", "index.html"];
+    for name in own {
+        let path = format!("out/{name}");
+        folder.write(&path, "mine");
+        let error = folder.stderr(&format!("batch in {BATCH} --report"), 2);
+        assert!(error.contains("which no batch wrote") && error.contains(name), "{error}");
+        assert_eq!(folder.read(&path), b"mine");
+        fs::remove_file(folder.path(&path)).expect("removed");
+    }
+    // The list itself, with and without force.
+    fs::create_dir(folder.path("list")).expect("a folder");
+    folder.write("list/summary.json", r#"{"models": [{"source": "../in/a.ply"}]}"#);
+    for force in ["", "-f"] {
+        let error = folder.stderr(&format!("batch list/summary.json -o list -q {force}"), 2);
+        assert!(error.contains("the list that it was given"), "{error}");
+    }
+
+    // Models: of another source, and what is none.
+    folder.stdout("build in/b.ply -o out/a.chpm -q --cluster-triangles 512");
+    folder.write("out/b.chpm", "mine");
+    let (of_b, bytes) = (folder.read("out/a.chpm"), b"mine".to_vec());
+    folder.chpm(&format!("batch in {BATCH} --report")).code(1);
+    let told = summary(&folder, "out/summary.json");
+    for i in [0, 1] {
+        let error = told["models"][i]["error"].as_str().expect("an error");
+        assert!(error.contains("is not of this source"), "{error}");
+    }
+    assert_eq!((folder.read("out/a.chpm"), folder.read("out/b.chpm")), (of_b, bytes));
+    // It is still refused, and with force replaced.
+    folder.chpm(&format!("batch in {BATCH} --report")).code(1);
+    assert_eq!(folder.read("out/b.chpm"), b"mine");
+    folder.chpm(&format!("batch in {BATCH} --report -f")).code(1);
+    let fates = fates(&summary(&folder, "out/summary.json"));
+    assert_eq!(fates[..2], [("a".to_owned(), "built".to_owned()), ("b".to_owned(), "built".to_owned())]);
+    // What a build made of the same source beforehand is taken over.
+    fs::remove_dir_all(folder.path("out")).expect("removed");
+    fs::create_dir(folder.path("out")).expect("a folder");
+    folder.stdout("build in/b.ply -o out/b.chpm -q --cluster-triangles 256");
+    folder.chpm(&format!("batch in {BATCH}")).code(1);
+    assert_eq!(fates_of(&folder)[1], ("b".to_owned(), "built".to_owned()));
+}
+
+fn fates_of(folder: &Folder) -> Vec<(String, String)> {
+    fates(&summary(folder, "out/summary.json"))
+}
+
+#[test]
 fn lists_give_models_names_and_settings_of_their_own() {
     let folder = scans();
     folder.write(
@@ -162,6 +212,12 @@ fn lists_give_models_names_and_settings_of_their_own() {
     assert_eq!(folder.read("b.chpm"), folder.read("out/b.chpm"));
     let row =
         |settings: &str| format!(r#"{{"models": [{{"source": "in/a.ply", "settings": {{{settings}}}}}]}}"#);
+    folder.write(
+        "twice.json",
+        r#"{"models": [{"source": "in/a.ply", "name": "x/m"}, {"source": "in/b.ply", "name": "x//m"}]}"#,
+    );
+    let error = folder.stderr(&format!("batch twice.json {BATCH}"), 2);
+    assert!(error.contains("would both be built as 'x/m.chpm'"), "{error}");
     for (settings, word) in
         [(r#""jobs": 2"#, "jobs"), (r#""seed": "x""#, "seed"), (r#""topology": "free""#, "topology")]
     {

@@ -105,6 +105,7 @@ fn too_little_memory_is_refused_with_a_figure_that_suffices() {
         "section in.chpm --plane 0,0,1:0 -q --threads 64",
         "export in.chpm --3dtiles tiles -q --threads 64",
         "export in.chpm --meshlets out.meshlets -q --threads 64",
+        #[cfg(feature = "viewer")]
         "render in.chpm --rays --viewport 16x16 -o out.png -q --threads 64",
     ] {
         let error = folder.stderr(&format!("{words} --memory 16M"), 2);

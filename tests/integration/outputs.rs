@@ -375,6 +375,41 @@ fn an_output_is_never_an_input() {
     assert_eq!((folder.read("source"), folder.read("model")), (source, model));
 }
 
+/// What a source is made of is an input, too: tiles, a buffer, materials, images.
+#[test]
+fn an_output_is_never_a_file_of_an_input() {
+    let folder = ball();
+    folder.stdout("synth torus --triangles 3000 -o ring.ply -q");
+    folder.write("all.tiles", "tiles\nball.ply\nring.ply\n");
+    folder.stdout("simplify ball.ply --triangles 500 -o own.gltf -q");
+    fs::rename(folder.path("own.gltf"), folder.path("scan.gltf")).expect("another name");
+    folder.write(
+        "scan.obj",
+        "mtllib own.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n",
+    );
+    folder.write("own.mtl", "newmtl a\nmap_Kd own.0.png\n");
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 4, 4);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.write_header().expect("a header").write_image_data(&[90; 16]).expect("pixels");
+    folder.write("own.0.png", &bytes);
+    folder.stdout("build ball.ply -q --cluster-triangles 512 --volume-size 150k -o parts.chpm");
+    let kept = ["ball.ply", "ring.ply", "own.bin", "own.mtl", "own.0.png", "parts.0001.pages"];
+    let before = kept.map(|name| folder.read(name));
+    for words in [
+        "simplify all.tiles --within 1% -f -q -o ball.ply",
+        "compare all.tiles ball.chpm -f -q -o ring.ply",
+        "simplify scan.gltf --within 10% -f -q -o own.gltf",
+        "simplify scan.obj --within 1% --texture-size 256 -f -q -o own.obj",
+        "simplify scan.obj --within 1% --texture-size 256 -f -q -o own.ply",
+        "extract parts.chpm --level 0 --format ply -f -q -o parts.0001.pages",
+    ] {
+        let error = folder.stderr(words, 2);
+        assert!(error.contains("is made of"), "{words}: {error}");
+    }
+    assert!(kept.map(|name| folder.read(name)) == before);
+}
+
 #[test]
 fn odd_names_are_written_as_they_are() {
     let folder = ball();

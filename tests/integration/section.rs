@@ -168,6 +168,10 @@ fn what_makes_no_sense_is_refused_with_a_remedy() {
         ("--plane 0,0,1:0 -o a.png", "PNG"),
         ("--plane 0,0,1:0 -o a.csv --scale 1:5 --unit m", "--scale is that of an SVG"),
         ("--plane 0,0,1:0 -o a.svg --scale 1:5", "--unit"),
+        ("--plane 0,0,1:0 -o a.geojson --origin 13,52,0 --unit km", "--unit is another"),
+        ("--plane 0,0,1:0 -o a.geojson --crs EPSG:32633 --unit ft", "--unit is another"),
+        ("--plane 0,0,1:0 -o a.csv --origin 13,52,0", "are for GeoJSON"),
+        ("--plane 0,0,1:0 -o a.dxf --crs EPSG:32633", "are for GeoJSON"),
         ("--plane 0,0,1:0 --memory 1M", "--memory"),
     ] {
         let error = folder.stderr(&format!("section ball.chpm -q {words}"), 2);

@@ -202,7 +202,9 @@ fn hexadecimal(bytes: &[u8]) -> String {
 
 fn magic_remedy(got: &[u8; 8]) -> &'static str {
     let damaged = &got[1..4] == b"CHP";
-    if damaged {
+    if *got == crate::volume::MAGIC {
+        "it has pages of a model of several files, give the .chpm that it belongs to"
+    } else if damaged {
         "a transfer in text mode damaged it, copy it in binary mode"
     } else {
         "give a file that chpm built"

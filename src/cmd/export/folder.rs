@@ -17,8 +17,15 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use xxhash_rust::xxh3::xxh3_64;
 
-/// Names in an export's folder.
-const NAMES: [&str; 3] = ["tileset.json", "tiles", "subtrees"];
+/// Files in an export's folder, one of each kind.
+const NAMES: [&str; 6] = [
+    "tileset.json",
+    "tiles/0/0.glb",
+    "tiles/0/0-finest.glb",
+    "tiles/0/0.jpg",
+    "tiles/0/0.png",
+    "subtrees/0/0.json",
+];
 
 /// Memory of a cluster: a stopped run's record of its tiles.
 pub(super) const EACH: u64 = 2 * 2 * 32;

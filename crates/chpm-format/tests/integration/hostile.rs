@@ -90,6 +90,7 @@ fn what_is_no_chpm_file_is_told_so() {
     let mut text_mode = tetrahedron().bytes();
     text_mode.remove(5);
     assert!(refusal(text_mode).contains("text mode"));
+    assert!(refusal(chpm_format::volume::MAGIC.repeat(200)).contains("give the .chpm that it belongs to"));
 }
 
 #[test]
