@@ -335,7 +335,7 @@ impl File {
         py: Python<'_>,
         error: Option<Amount>,
         triangles: Option<Amount>,
-        level: Option<u32>,
+        level: Option<i64>,
         pixels: Option<f64>,
         camera: Option<Point>,
         viewport: Option<[u32; 2]>,
@@ -344,6 +344,11 @@ impl File {
         strict: bool,
     ) -> PyResult<Selection> {
         let model = self.model()?;
+        let number = |level: i64| {
+            u32::try_from(level)
+                .map_err(|_| Failure::Asked(format!("level {level}: levels are numbered from 0, the source")))
+        };
+        let level = level.map(number).transpose()?;
         let asked = Asked { error, triangles, level, pixels, camera, viewport, cull, texture_size };
         let selected = py.detach(|| selection::select(&model, &asked))?;
         if let Some(told) = &selected.shortfall {

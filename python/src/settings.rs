@@ -63,7 +63,7 @@ pub(crate) fn build_config(given: &Bound<'_, PyDict>) -> Result<BuildConfig, Fai
     if let Some(name) = given.0.keys().iter().next() {
         return Err(refused(
             &name.to_string(),
-            "there is no such setting; their names are those of `chpm build --help`",
+            "there is no such setting; their names are those of `chpm build --help`, without presets, traces and what is said about how a model is shown",
         ));
     }
     Ok(BuildConfig { settings, resources, overwrite })
