@@ -1,4 +1,4 @@
-//! What a verb reads, and so does not replace.
+//! Files that a verb reads, and so does not replace.
 
 use anyhow::{Result, ensure};
 use chpm_extmem::{Cancel, same_file};

@@ -74,7 +74,8 @@ pub(crate) fn is_ours(source: &Path, output: &Path, earlier: Option<&Row>) -> bo
         let metadata = cmd::open(output).and_then(|file| Ok(file.metadata()?));
         metadata.is_ok_and(|metadata| name.is_some_and(|name| metadata.source.name == name))
     };
-    output.symlink_metadata().is_err()
+    // What is no file the build refuses.
+    !output.is_file()
         || earlier.is_some_and(|row| row.output == output && !row.hash.is_empty())
         || is_of_source()
 }

@@ -432,12 +432,23 @@ fn what_cannot_be_shared_leaves_nothing() {
     let said = folder.stderr("share a.chpm -o no/such -q", 2);
     assert!(said.contains("cannot make a folder in 'no'"), "{said}");
     // What is somebody else's is as it was.
-    fs::create_dir_all(folder.path("old/view")).expect("a folder");
+    fs::create_dir(folder.path("old")).expect("a folder");
     folder.write("old/index.html", "mine");
     let said = folder.stderr("share a.chpm -o old -q --force", 2);
     assert!(said.contains("'old' has no 'model.chpm'"), "{said}");
+    fs::create_dir(folder.path("old/view")).expect("a folder");
+    let said = folder.stderr("share a.chpm -o old -q --force", 2);
+    assert!(said.contains("'old' holds 'view'"), "{said}");
     assert_eq!(folder.read("old/index.html"), b"mine");
-    assert_eq!(fs::read_dir(folder.path("old/view")).expect("a folder").count(), 0);
+    // Nor what lies below a folder of the same name.
+    folder.stdout("share a.chpm -o site -q --split");
+    folder.write("site/model/mine.txt", "mine");
+    let said = folder.stderr("share a.chpm -o site -q --split --force", 2);
+    assert!(said.contains("mine.txt', which this command did not write"), "{said}");
+    assert_eq!(folder.read("site/model/mine.txt"), b"mine");
+    // A build takes more memory than reading does.
+    let said = folder.stderr("share in.ply -o new -q --memory 16M", 2);
+    assert!(said.contains("give it 128M or more"), "{said}");
 }
 
 #[test]

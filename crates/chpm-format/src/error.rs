@@ -202,7 +202,7 @@ fn hexadecimal(bytes: &[u8]) -> String {
 
 fn magic_remedy(got: &[u8; 8]) -> &'static str {
     let damaged = &got[1..4] == b"CHP";
-    if *got == crate::volume::MAGIC {
+    if &got[1..5] == b"CHPV" {
         "it has pages of a model of several files, give the .chpm that it belongs to"
     } else if damaged {
         "a transfer in text mode damaged it, copy it in binary mode"
