@@ -29,7 +29,7 @@ fn sum(numbers: impl Iterator<Item = f64>) -> f64 {
 impl Section {
     /// Area between lines of even depth and those in them; none where closed lines cross each other.
     pub fn area(&self) -> Option<f64> {
-        let signed = |line: &Line| if line.depth % 2 == 0 { line.area } else { -line.area };
+        let signed = |line: &Line| if line.depth.is_multiple_of(2) { line.area } else { -line.area };
         (self.crossing() == 0).then(|| sum(self.lines.iter().map(signed)))
     }
 
