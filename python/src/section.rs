@@ -19,12 +19,12 @@ pub(crate) struct Section {
     /// Whether each line is closed: list of bool.
     #[pyo3(get)]
     closed: Vec<bool>,
-    /// How many closed lines each lies in: list of int. What is filled is inside lines of an even depth.
+    /// How many closed lines each lies in: list of int. What is filled is inside lines of an even depth. Of lines that cross others it is that of one of their points.
     #[pyo3(get)]
     depths: Vec<u32>,
-    /// Area that is filled, in the model's units: float.
+    /// Area that is filled, in the model's units: float; None where closed lines cross each other, as those of solids do that overlap.
     #[pyo3(get)]
-    area: f64,
+    area: Option<f64>,
     /// Length of all lines, in the model's units: float.
     #[pyo3(get)]
     length: f64,
@@ -37,6 +37,7 @@ pub(crate) struct Section {
 impl Section {
     fn __repr__(&self) -> String {
         let Section { lines, area, length, open_ends, .. } = self;
+        let area = area.map_or("None".to_owned(), |area| area.to_string());
         format!("<chpm.Section: {} lines, length {length}, area {area}, {open_ends} open ends>", lines.len())
     }
 }

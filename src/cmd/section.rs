@@ -206,6 +206,12 @@ impl Work<'_> {
             warnings.push("no plane cuts the model: there are no lines".to_owned());
         }
 
+        let of = told
+            .iter()
+            .filter(|section| section.crossing > 0)
+            .map(|section| (sheet.height(section.offset), section.crossing));
+        warnings.extend(crossed(of));
+
         // Before the file gets its name: what was read has to be what was opened.
         check_unchanged(file)?;
         let format = target.as_ref().map(|target| target.format);
@@ -292,13 +298,33 @@ fn summary(section: &Section) -> made::PlaneSection {
         points: section.points(),
         length: section.length(),
         area: section.area(),
+        crossing: section.crossing(),
     }
+}
+
+/// What is said of planes whose closed lines cross each other: where, and how many.
+fn crossed(planes: impl Iterator<Item = (String, u64)>) -> Option<String> {
+    /// Places that are named.
+    const NAMED: usize = 5;
+    let (places, counts): (Vec<String>, Vec<u64>) = planes.unzip();
+    let named = places.get(..NAMED).unwrap_or(&places);
+    let more = match places.len() - named.len() {
+        _ if named.is_empty() => return None,
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    let at = named.join(", ");
+    Some(format!(
+        "{} closed lines cross others at {at}{more}: the area there is not told; solids overlap",
+        count(counts.iter().sum())
+    ))
 }
 
 fn print(told: &made::Section, sheet: &Sheet, pages: Pages, out: &mut impl Write) -> Result<()> {
     let row = |section: &made::PlaneSection| {
         let made::PlaneSection { offset, lines, closed, open_ends, length, area, .. } = section;
-        let [length, area] = [length, area].map(|x| Units(*x).to_string());
+        let area = area.map_or("-".to_owned(), |area| Units(area).to_string());
+        let length = Units(*length).to_string();
         vec![sheet.height(*offset), count(*lines), count(*closed), count(*open_ends), length, area]
     };
     let header = ["at", "lines", "closed", "open ends", "length", "area"];

@@ -385,6 +385,8 @@ pub(crate) struct PlaneSection {
     pub(crate) points: u64,
     /// Their length
     pub(crate) length: f64,
-    /// Area inside of closed lines, less that of closed lines in these, and so on
-    pub(crate) area: f64,
+    /// Area inside of closed lines, less that of closed lines in these, and so on; `null` where closed lines cross each other
+    pub(crate) area: Option<f64>,
+    /// Closed lines that cross others, as those of solids do that overlap
+    pub(crate) crossing: u64,
 }

@@ -12,7 +12,8 @@ pub(super) fn begin(out: &mut impl Write) -> Result<()> {
 pub(super) fn add(sheet: &Sheet, section: &Section, out: &mut impl Write) -> Result<()> {
     let offset = sheet.height(section.offset);
     for (number, line) in section.lines.iter().enumerate() {
-        let (closed, depth) = (u8::from(line.is_closed), line.depth);
+        let closed = u8::from(line.is_closed);
+        let depth = if line.crosses { String::new() } else { line.depth.to_string() };
         let again = line.points.first().filter(|_| line.is_closed);
         for point in line.points.iter().chain(again) {
             let [x, y, z] = sheet.world(point).map(|x| sheet.number(x));

@@ -21,7 +21,9 @@ impl GeoJson {
         let is_level = sheet.contours.is_some_and(|(axis, _)| axis == super::Axis::Z);
         let name = if is_level { "elevation" } else { "offset" };
         for (number, line) in section.lines.iter().enumerate() {
-            let Line { is_closed, length, area, depth, .. } = line;
+            let Line { is_closed, length, area, .. } = line;
+            // In what a line lies that crosses others hangs on the point.
+            let depth = (!line.crosses).then_some(line.depth);
             let offset: f64 = sheet.height(section.offset).parse()?;
             let told = json!({ name: offset, "line": number, "closed": is_closed, "length": length, "area": area, "depth": depth });
             let comma = if self.is_first { "" } else { "," };

@@ -21,7 +21,7 @@ pub(crate) struct Slicing {
 impl Slice for Slicing {
     fn slice(&self, model: &Path, plane: &Clip, go_on: &(dyn Fn() -> bool + Sync)) -> Result<Face, String> {
         self.cut(model, plane, go_on, |slicer, planes, section| {
-            let Some(section) = section else { return Ok(Face::default()) };
+            let Some(section) = section else { return Ok(Face { area: Some(0.0), ..Face::default() }) };
             let origin = slicer.file().header().origin;
             let place = |point: &[f64; 3]| [0, 1, 2].map(|axis| point[axis] + origin[axis]);
             let fill = Fill::of(section, planes.axes());

@@ -39,6 +39,41 @@ fn a_sphere_has_a_circle_for_a_section() {
     assert!(open.contains("ends are open: the surface has a boundary there"), "{open}");
 }
 
+/// Boxes that overlap, as they come from programs that join nothing.
+#[test]
+fn where_solids_overlap_no_area_is_told() {
+    let folder = Folder::new();
+    let corners = |low: [f64; 3], side: f64| {
+        let at = |i: u32| [0, 1, 2].map(|axis| low[axis] + side * f64::from(i >> axis & 1));
+        (0..8).map(at).map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect::<String>()
+    };
+    let faces = |first: u32| {
+        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let told = quads.map(|quad: [u32; 4]| quad.map(|corner| (corner + first).to_string()).join(" "));
+        told.map(|quad| format!("f {quad}\n")).concat()
+    };
+    for x in [0.3, 0.5, 0.7, 0.9, 1.1] {
+        let boxes = corners([0.0; 3], 1.0) + &corners([x, 0.11, 0.13], 0.9) + &faces(1) + &faces(9);
+        folder.write("boxes.obj", boxes);
+        folder.stdout("build boxes.obj -qf");
+        let words = "section boxes.chpm --plane 0,0,1:0.5 -q";
+        let value = told(&folder, &format!("{words} -o a.csv -f --json"));
+        let section = &value["sections"][0];
+        let csv = String::from_utf8(folder.read("a.csv")).unwrap();
+        if x > 1.0 {
+            assert!((section["area"].as_f64().unwrap() - 1.81).abs() < 1e-6, "{value}");
+            assert!(section["crossing"] == 0 && value["warnings"].as_array().unwrap().is_empty(), "{value}");
+            assert!(csv.contains("0.5,0,1,0,"), "{csv}");
+            continue;
+        }
+        assert!(section["area"].is_null() && section["crossing"] == 2, "{value}");
+        let warned = "2 closed lines cross others at 0.5: the area there is not told; solids overlap";
+        assert_eq!(value["warnings"][0], warned);
+        assert!(folder.stderr(words, 0).contains(warned));
+        assert!(csv.contains("0.5,0,1,,"), "{csv}");
+    }
+}
+
 /// All formats have all points of all lines.
 #[test]
 fn formats_have_the_same_lines() {

@@ -1,5 +1,6 @@
 //! Which vertices of different tiles are one: those at the same place, or no farther from each other than the tiles were cut apart.
 //!
+//! Those at the same place become one first. Of others two become one that are the nearest of each other among those of their tiles.
 //! Two vertices of one tile always stay two. So the tile's faces keep their shapes, and what meets there already goes on to do so.
 
 use crate::error::SourceError;
@@ -14,7 +15,7 @@ const HEED: u64 = 1 << 14;
 /// Vertices for whose memory the budget is asked at once.
 const STEP: u64 = 1 << 12;
 /// Bytes that a vertex takes that others may be near to, at most.
-const ENTRY: u64 = 256;
+const ENTRY: u64 = 512;
 /// The way in which vertices are met, of length 1. Walls and grounds are not at a right angle to it, so that few are met at a time.
 const WAY: [f64; 3] = [0.6, 0.36, 0.714_422_843_979_67];
 
@@ -188,7 +189,7 @@ fn join_equal(places: &mut Heeded<'_>, joined: &mut BufferWriter<[u32; 2]>) -> R
     Ok(())
 }
 
-/// Each vertex becomes one with the nearest of those that were met before and stay, and that none of its tile has become one with.
+/// Vertices at one place come together first, as [`join_equal`] has it. Those of two tiles that are the nearest ones of each other become one then; all are the first on the way.
 fn join_near(
     places: &mut Heeded<'_>,
     weld: f64,
@@ -198,19 +199,28 @@ fn join_near(
 ) -> Result<(), SourceError> {
     let others = neighbours(boxes, weld);
     let mut near = Near::new(weld, store)?;
+    // What is at one place; the second vertices of tiles are the second one.
+    let mut here: Vec<Stay> = Vec::new();
+    let (mut tile, mut of_tile) = (u32::MAX, 0);
     while let Some(place) = places.next()? {
         let position = place.position.map(plain);
         let is_near = |other: &u32| boxes[*other as usize].is_near(position, weld);
         if !others[place.tile as usize].iter().any(is_near) {
             continue;
         }
-        near.pass(position);
-        match near.join(position, place.tile) {
-            Some(other) => joined.extend_from_slice(&[[place.vertex, other]])?,
-            None => near.add(position, place)?,
+        if here.first().is_some_and(|stay| stay.position != position) {
+            near.take(&mut here, joined)?;
+            tile = u32::MAX;
+        }
+        of_tile = if place.tile == tile { of_tile + 1 } else { 0 };
+        tile = place.tile;
+        match here.get_mut(of_tile) {
+            Some(stay) => stay.vertices.push([place.vertex, tile]),
+            None => here.push(Stay::new(position, of_tile, [place.vertex, tile])),
         }
     }
-    Ok(())
+    near.take(&mut here, joined)?;
+    near.pass(f64::INFINITY, joined)
 }
 
 /// For each tile the others that it may have a vertex near to.
@@ -223,11 +233,13 @@ fn neighbours(boxes: &[Extent], weld: f64) -> Vec<Vec<u32>> {
     (0..boxes.len()).map(of).collect()
 }
 
-/// Vertices that stay and that others may be near to.
+/// Places of vertices, as long as others may be near to them.
 struct Near {
     weld: f64,
     /// In the order of the way, and how many were there before the first.
     stay: VecDeque<Stay>,
+    left: u64,
+    /// How many of all have been met by whatever is near to them.
     passed: u64,
     /// Which of them are in a cell of a grid: their numbers in that order.
     cells: HashMap<[i64; 3], VecDeque<u64>>,
@@ -235,17 +247,60 @@ struct Near {
     reserved: u64,
 }
 
+/// Vertices of different tiles at one place.
 struct Stay {
     position: [f64; 3],
-    vertex: u32,
-    /// Its tile, and those of the vertices that became one with it.
-    tiles: Vec<u32>,
+    /// Which of those of its tiles at this place it is.
+    of_tile: usize,
+    /// Each with its tile.
+    vertices: Vec<[u32; 2]>,
+    /// For each tile around the nearest one that has a vertex of it and none of these tiles, and its squared distance.
+    nearest: Vec<(u32, f64, u64)>,
+    /// The first of those that are one with it, and of that one the others.
+    first: u64,
+    rest: Vec<u64>,
+    /// The vertex that all of them become.
+    stays: u32,
+}
+
+impl Stay {
+    fn new(position: [f64; 3], of_tile: usize, vertex: [u32; 2]) -> Stay {
+        let [stays, _] = vertex;
+        let vertices = vec![vertex];
+        Stay { position, of_tile, vertices, nearest: Vec::new(), first: 0, rest: Vec::new(), stays }
+    }
+
+    fn tiles(&self) -> impl Iterator<Item = u32> {
+        self.vertices.iter().map(|[_, tile]| *tile)
+    }
+
+    fn shares_a_tile(&self, other: &Stay) -> bool {
+        self.tiles().any(|tile| other.tiles().any(|there| there == tile))
+    }
+
+    /// Knows another one; of two that are as near the first stays the nearest.
+    fn meet(&mut self, tiles: impl Iterator<Item = u32>, squared: f64, at: u64) {
+        for tile in tiles {
+            match self.nearest.iter_mut().find(|(of, ..)| *of == tile) {
+                Some((_, least, nearest)) if (squared, at) < (*least, *nearest) => {
+                    (*least, *nearest) = (squared, at);
+                }
+                Some(_) => {}
+                None => self.nearest.push((tile, squared, at)),
+            }
+        }
+    }
+
+    fn is_nearest(&self, at: u64) -> bool {
+        self.nearest.iter().any(|(_, _, nearest)| *nearest == at)
+    }
 }
 
 impl Near {
     fn new(weld: f64, store: &Store) -> Result<Near, SourceError> {
         let share = store.budget.reserve_work("vertices to weld", 0)?;
-        Ok(Near { weld, stay: VecDeque::new(), passed: 0, cells: HashMap::new(), share, reserved: 0 })
+        let (stay, cells) = (VecDeque::new(), HashMap::new());
+        Ok(Near { weld, stay, left: 0, passed: 0, cells, share, reserved: 0 })
     }
 
     /// A cell is two distances long, so that what is near is in eight of them at most.
@@ -253,14 +308,37 @@ impl Near {
         position.map(|x| (x / (2.0 * self.weld)).floor() as i64)
     }
 
-    /// Leaves those behind that are too far back for a vertex here, and for all that come.
-    fn pass(&mut self, position: [f64; 3]) {
-        // Sums are rounded.
-        let slack = 1e-14 * position.iter().map(|x| x.abs()).sum::<f64>();
-        let least = along(position) - self.weld - slack;
-        while self.stay.front().is_some_and(|stay| along(stay.position) < least)
-            && let Some(stay) = self.stay.pop_front()
+    fn at(&self, at: u64) -> &Stay {
+        &self.stay[(at - self.left) as usize]
+    }
+
+    fn at_mut(&mut self, at: u64) -> &mut Stay {
+        &mut self.stay[(at - self.left) as usize]
+    }
+
+    /// Goes on to a place along the way. What is a distance behind it has met all that is near, and becomes one with what came before; what is two more behind that is told.
+    fn pass(&mut self, to: f64, joined: &mut BufferWriter<[u32; 2]>) -> Result<(), SourceError> {
+        while self.passed < self.left + self.stay.len() as u64
+            && along(self.at(self.passed).position) < to - self.weld
         {
+            let passed = self.passed;
+            let mut nearest = std::mem::take(&mut self.at_mut(passed).nearest);
+            nearest.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.2.cmp(&b.2)));
+            for (_, _, other) in &nearest {
+                if *other < passed && self.at(*other).is_nearest(passed) {
+                    self.join(*other, passed);
+                }
+            }
+            self.at_mut(passed).nearest = nearest;
+            self.passed += 1;
+        }
+        // Whatever is one with the first of some is a distance from it at most, and what that may meet is one more away.
+        while self.left < self.passed
+            && let Some(stay) = self.stay.pop_front_if(|stay| along(stay.position) < to - 4.0 * self.weld)
+        {
+            for [vertex, _] in stay.vertices.iter().filter(|[vertex, _]| *vertex != stay.stays) {
+                joined.extend_from_slice(&[[*vertex, stay.stays]])?;
+            }
             let cell = self.cell(stay.position);
             if let Some(inside) = self.cells.get_mut(&cell) {
                 inside.pop_front();
@@ -268,14 +346,59 @@ impl Near {
                     self.cells.remove(&cell);
                 }
             }
-            self.passed += 1;
+            self.left += 1;
         }
+        Ok(())
     }
 
-    /// The nearest one, which is then one with a vertex of this tile; the earlier of two that are as near.
-    fn join(&mut self, position: [f64; 3], tile: u32) -> Option<u32> {
+    /// Makes two one, with all that are one with either, if no two of them are of one tile and none is farther than the distance from the first.
+    fn join(&mut self, a: u64, b: u64) {
+        let [a, b] = [a, b].map(|at| self.at(at).first);
+        let (first, second) = (a.min(b), a.max(b));
+        if first == second {
+            return;
+        }
+        let of = |at: u64| std::iter::once(at).chain(self.at(at).rest.iter().copied());
+        let place = self.at(first).position;
+        let fits = |at: u64| {
+            let stay = self.at(at);
+            squared_distance(stay.position, place) <= self.weld * self.weld
+                && of(first).all(|other| !self.at(other).shares_a_tile(stay))
+        };
+        if !of(second).all(fits) {
+            return;
+        }
+        let more: Vec<u64> = of(second).collect();
+        let stays = self.at(first).stays;
+        for at in &more {
+            let stay = self.at_mut(*at);
+            (stay.first, stay.stays) = (first, stays);
+            stay.rest.clear();
+        }
+        self.at_mut(first).rest.extend(more);
+    }
+
+    /// Takes what is at one place, farther on the way.
+    fn take(&mut self, here: &mut Vec<Stay>, joined: &mut BufferWriter<[u32; 2]>) -> Result<(), SourceError> {
+        let Some(Stay { position, .. }) = here.first() else { return Ok(()) };
+        // Sums are rounded.
+        let slack = 1e-14 * position.iter().map(|x| x.abs()).sum::<f64>();
+        self.pass(along(*position) - slack, joined)?;
+        for stay in here.drain(..) {
+            self.add(stay)?;
+        }
+        Ok(())
+    }
+
+    fn add(&mut self, mut new: Stay) -> Result<(), SourceError> {
+        let count = self.stay.len() as u64 + 1;
+        if count > self.reserved {
+            self.reserved = count.next_multiple_of(STEP);
+            self.share.resize(self.reserved * ENTRY)?;
+        }
+        let (position, number) = (new.position, self.left + self.stay.len() as u64);
+        new.first = number;
         let [from, to] = [-self.weld, self.weld].map(|step| self.cell(position.map(|x| x + step)));
-        let mut best: Option<(f64, u64)> = None;
         for corner in 0..8 {
             let cell =
                 std::array::from_fn(|axis| if corner >> axis & 1 == 1 { to[axis] } else { from[axis] });
@@ -284,30 +407,18 @@ impl Near {
                 continue;
             }
             for at in self.cells.get(&cell).into_iter().flatten() {
-                let stay = &self.stay[(at - self.passed) as usize];
+                let stay = &mut self.stay[(at - self.left) as usize];
                 let squared = squared_distance(stay.position, position);
-                let is_better = best.is_none_or(|best| (squared, *at) < best);
-                if squared <= self.weld * self.weld && is_better && !stay.tiles.contains(&tile) {
-                    best = Some((squared, *at));
+                let is_met = squared <= self.weld * self.weld && stay.of_tile == new.of_tile;
+                if is_met && !stay.shares_a_tile(&new) {
+                    stay.meet(new.tiles(), squared, number);
+                    new.meet(stay.tiles(), squared, *at);
                 }
             }
         }
-        best.map(|(_, at)| {
-            let stay = &mut self.stay[(at - self.passed) as usize];
-            stay.tiles.push(tile);
-            stay.vertex
-        })
-    }
-
-    fn add(&mut self, position: [f64; 3], place: Place) -> Result<(), SourceError> {
-        let count = self.stay.len() as u64 + 1;
-        if count > self.reserved {
-            self.reserved = count.next_multiple_of(STEP);
-            self.share.resize(self.reserved * ENTRY)?;
-        }
         let cell = self.cell(position);
-        self.cells.entry(cell).or_default().push_back(self.passed + self.stay.len() as u64);
-        self.stay.push_back(Stay { position, vertex: place.vertex, tiles: vec![place.tile] });
+        self.cells.entry(cell).or_default().push_back(number);
+        self.stay.push_back(new);
         Ok(())
     }
 }
@@ -318,4 +429,65 @@ fn squared_distance(a: [f64; 3], b: [f64; 3]) -> f64 {
 
 fn along(position: [f64; 3]) -> f64 {
     position[0] * WAY[0] + position[1] * WAY[1] + position[2] * WAY[2]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// For each vertex of some tiles the one that it becomes, and how many are left out.
+    fn joined(tiles: &[Vec<[f64; 3]>], weld: f64) -> (Vec<u32>, u64) {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::create(folder.path(), 1 << 30).unwrap();
+        let mut seams = Seams::new(weld, &store);
+        for (tile, positions) in tiles.iter().enumerate() {
+            positions.iter().for_each(|position| seams.push(Some(*position), tile).unwrap());
+        }
+        let numbers = seams.finish(&Cancel::default()).unwrap();
+        let count = tiles.iter().map(Vec::len).sum::<usize>() as u32;
+        ((0..count).map(|vertex| numbers.get(vertex).unwrap()).collect(), numbers.joined)
+    }
+
+    /// A grid of 40 by 40 points from an x on, whose height hangs on where a point is.
+    fn grid(from: f64) -> Vec<[f64; 3]> {
+        let at = |i: u32| f64::from(i) / 39.0;
+        let place = |x: f64, y: f64| [x, y, 0.1 * libm::sin(5.0 * x) * libm::cos(7.0 * y)];
+        (0..1600).map(|i| place(from + at(i % 40), at(i / 40))).collect()
+    }
+
+    #[test]
+    fn what_is_at_one_place_becomes_one_whatever_is_near() {
+        let tiles = [grid(0.0), grid(1.0)];
+        let (exact, count) = joined(&tiles, 0.0);
+        assert_eq!(count, 40);
+        for weld in [1e-6, 0.01, 0.03, 0.05] {
+            assert!(joined(&tiles, weld) == (exact.clone(), 40), "{weld}");
+        }
+    }
+
+    #[test]
+    fn what_is_off_by_less_than_neighbours_are_apart_finds_its_own() {
+        for off in [[0.004, 0.0, 0.0], [0.003, -0.009, 0.002], [-0.002, 0.01, -0.004]] {
+            let mut other = grid(1.0);
+            other.iter_mut().flatten().zip(off.iter().cycle()).for_each(|(x, by)| *x += by);
+            let tiles = [grid(0.0), other];
+            let (found, count) = joined(&tiles, 0.05);
+            assert_eq!(count, 40, "{off:?}");
+            for row in 0..40 {
+                assert_eq!(found[1600 + 40 * row], found[40 * row + 39], "{off:?} {row}");
+            }
+        }
+    }
+
+    #[test]
+    fn more_tiles_than_two_become_one_and_twins_stay_two() {
+        let corner = |x: f64, y: f64| vec![[x, y, 0.0], [1e3 * x, 1e3 * y, 1.0], [x, y, 0.0]];
+        let tiles = [corner(0.0, 0.0), corner(1e-3, 0.0), corner(1e-3, 1e-3), corner(-1e-3, 2e-3)];
+        let (found, count) = joined(&tiles, 0.01);
+        assert_eq!(count, 6);
+        for tile in 1..4 {
+            assert_eq!((found[3 * tile], found[3 * tile + 2]), (found[0], found[2]), "{tile}");
+        }
+        assert_ne!(found[0], found[2]);
+    }
 }

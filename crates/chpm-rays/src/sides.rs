@@ -3,7 +3,8 @@
 //! 1. A component is closed where each of its edges is gone along as often one way as the other. Then its signed volume says whether its triangles turn left as seen from
 //!    outside.
 //! 2. A component that lies within another is turned as that one is, so that walls of cavities stay what they are; and once more where points inside of it would be inside less than zero times.
-//!    Who is around it is found by a ray from its farthest vertex, by the side on which that meets the next component.
+//!    Who is around it is found by rays from its farthest vertices, ahead and back, by the side on which each meets the next component. Components that overlap are not within
+//!    each other: both rays have to say so, and the boxes.
 //! 3. Components that are not closed are judged together, since parts of a wall seldom are one: they are turned where the signed volume is negative about each point of a box four times
 //!    as large as theirs. Otherwise they have no inside, and stay as they are.
 
@@ -47,7 +48,7 @@ struct Part {
 impl Sides {
     /// Bytes that finding them takes, for so many vertices of leaves and shared ones.
     pub fn memory(vertices: u64, shared: u64) -> u64 {
-        (2 * size_of::<Shape>() + 32) as u64 * vertices.min(MOST as u64) + 4 * shared
+        (2 * size_of::<Shape>() + 40) as u64 * vertices.min(MOST as u64) + 4 * shared
     }
 
     /// Reads all leaves, on the threads of rayon's current pool; `begun` is told each and may end it.
@@ -135,47 +136,70 @@ impl Sides {
             return Ok(turned);
         }
 
-        // Whatever is around a component reaches farther ahead.
-        order.sort_by(|a, b| shapes[*b as usize].reach.total_cmp(&shapes[*a as usize].reach));
-        let mut around: Vec<Option<u32>> = vec![None; shapes.len()];
-        let mut is_known = vec![false; shapes.len()];
-        // How many times a point is inside, counted by components as they are taken.
+        let back = self.around(caster, shapes, of_piece, (&mut order, 1), &own, begun)?;
+        let around = self.around(caster, shapes, of_piece, (&mut order, 0), &own, begun)?;
+        // How many times a point is inside, counted by components from the outermost on.
         let mut inside = vec![0_i32; shapes.len()];
-        let some = caster.memory.rays.max(1);
-        for some in order.chunks(some) {
-            let met = self.ahead(caster, shapes, of_piece, some, begun)?;
-            for (at, met) in some.iter().zip(met) {
-                let outer =
-                    met.filter(|(other, _)| is_known[*other as usize]).and_then(|(other, is_back)| {
-                        // Out of another component's back: it is around this one. Onto its front: they lie side by side.
-                        let is_within = own[other as usize].is_some_and(|turned| is_back != turned);
-                        if is_within { Some(other) } else { around[other as usize] }
-                    });
-                let at = *at as usize;
-                (is_known[at], around[at]) = (true, outer);
-                let (is_turned, times) =
-                    outer.map_or((false, 0), |outer| (turned[outer as usize], inside[outer as usize]));
-                let sign = own[at].map_or(0, |own| if own == is_turned { 1 } else { -1 });
-                let is_below = times + sign < 0;
-                turned[at] = is_turned != is_below;
-                inside[at] = times + if is_below { -sign } else { sign };
-            }
+        for at in order {
+            let at = at as usize;
+            let mut outers = chain(&around, around[at]);
+            let outer = outers.find(|outer| chain(&back, back[at]).any(|other| other == *outer));
+            let (is_turned, times) =
+                outer.map_or((false, 0), |outer| (turned[outer as usize], inside[outer as usize]));
+            let sign = own[at].map_or(0, |own| if own == is_turned { 1 } else { -1 });
+            let is_below = times + sign < 0;
+            turned[at] = is_turned != is_below;
+            inside[at] = times + if is_below { -sign } else { sign };
         }
         Ok(turned)
     }
 
-    /// The component that a ray from the farthest vertex of each one meets, and whether it meets its back.
-    fn ahead<D: AsRef<[u8]> + Sync>(
+    /// For each component the innermost one that a ray from its farthest vertex, ahead or back, comes out of, and whose box has its own. Orders them by how far they reach.
+    fn around<D: AsRef<[u8]> + Sync>(
         &self,
         caster: &mut Caster<'_, D>,
         shapes: &[Shape],
         of_piece: &[u32],
-        some: &[u32],
+        (order, way): (&mut [u32], usize),
+        own: &[Option<bool>],
+        begun: &(impl Fn() -> bool + Sync),
+    ) -> Result<Vec<Option<u32>>, RayError> {
+        // Whatever is around a component reaches farther.
+        let reach = |at: &u32| shapes[*at as usize].reach[way];
+        order.sort_by(|a, b| reach(b).total_cmp(&reach(a)));
+        let mut around: Vec<Option<u32>> = vec![None; shapes.len()];
+        let mut is_known = vec![false; shapes.len()];
+        for some in order.chunks(caster.memory.rays.max(1)) {
+            let met = self.met(caster, shapes, of_piece, (some, way), begun)?;
+            for (at, met) in some.iter().zip(met) {
+                let at = *at as usize;
+                let met = met.filter(|(other, _)| is_known[*other as usize]);
+                let next = met.and_then(|(other, is_back)| {
+                    // Out of another component's back: it is around this one. Onto its front: they lie side by side.
+                    let is_within = own[other as usize].is_some_and(|turned| is_back != turned);
+                    if is_within { Some(other) } else { around[other as usize] }
+                });
+                let has_box = |other: &u32| shapes[at].is_in_box_of(&shapes[*other as usize]);
+                let outer = chain(&around, next).find(has_box);
+                (is_known[at], around[at]) = (true, outer);
+            }
+        }
+        Ok(around)
+    }
+
+    /// The component that a ray from the farthest vertex of each one meets, and whether it meets its back.
+    fn met<D: AsRef<[u8]> + Sync>(
+        &self,
+        caster: &mut Caster<'_, D>,
+        shapes: &[Shape],
+        of_piece: &[u32],
+        (some, way): (&[u32], usize),
         begun: &(impl Fn() -> bool + Sync),
     ) -> Result<Vec<Option<(u32, bool)>>, RayError> {
+        let direction = if way == 0 { AHEAD } else { AHEAD.map(|x| -x) };
         let ray = |at: &u32| {
-            let from = shapes[*at as usize].far.map(f64::from);
-            Ray { is_from_vertex: true, ..Ray::new(from, AHEAD) }
+            let from = shapes[*at as usize].far[way].map(f64::from);
+            Ray { is_from_vertex: true, ..Ray::new(from, direction) }
         };
         let rays: Vec<Ray> = some.iter().map(ray).collect();
         let mut hits: Vec<Option<Hit>> = Vec::with_capacity(rays.len());
@@ -195,7 +219,7 @@ impl Sides {
                 let Some(hit) = hits[*at] else { continue };
                 let corner = page.triangles[hit.triangle as usize][0];
                 let piece = self.starts[leaf.index()] + pieces[usize::from(corner)];
-                let is_back = hit.normal.iter().zip(AHEAD).map(|(a, b)| a * b).sum::<f64>() > 0.0;
+                let is_back = hit.normal.iter().zip(direction).map(|(a, b)| a * b).sum::<f64>() > 0.0;
                 met[*at] = Some((of_piece[piece as usize], is_back));
             }
         }
@@ -213,6 +237,11 @@ impl Sides {
         let first = self.starts[leaf.index()];
         Some(pieces(page).into_iter().map(|piece| self.turned[(first + piece) as usize]).collect())
     }
+}
+
+/// A component and those around it, from the innermost on.
+fn chain(around: &[Option<u32>], first: Option<u32>) -> impl Iterator<Item = u32> {
+    std::iter::successors(first, |at| around[*at as usize])
 }
 
 /// The piece of each vertex of a page, numbered from 0.

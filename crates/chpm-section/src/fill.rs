@@ -72,6 +72,7 @@ mod tests {
             area: 0.0,
             depth: 0,
             parent: None,
+            crosses: false,
         }
     }
 
@@ -88,7 +89,7 @@ mod tests {
             ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs() / 2.0
         };
         let all: f64 = fill.triangles.iter().map(area).sum();
-        let expected = section.area();
+        let expected = section.area().unwrap();
         assert!(expected > 100.0 && (all / expected - 1.0).abs() < 1e-12, "{all} {expected}");
         // A polygon with holes has two triangles fewer than corners, and two more for each hole.
         let closed = section.lines.iter().filter(|line| line.is_closed);

@@ -13,6 +13,7 @@
 #![forbid(unsafe_code)]
 
 mod chain;
+mod crossing;
 pub mod error;
 pub mod fill;
 pub mod line;

@@ -16,10 +16,12 @@ pub struct Line {
     pub length: f64,
     /// Area that it encloses, whatever lies in it; 0 where it is open.
     pub area: f64,
-    /// How many closed lines it lies in, if it is closed.
+    /// How many closed lines it lies in, if it is closed; where it crosses any, one of its points.
     pub depth: u32,
     /// The innermost of them.
     pub parent: Option<u32>,
+    /// Whether it is closed and crosses another closed one, as those of solids do that overlap.
+    pub crosses: bool,
 }
 
 /// A piece with the points that it is of.
@@ -87,7 +89,8 @@ impl Line {
             return None;
         }
         settle(&mut points, is_closed);
-        let mut line = Line { points, is_closed, length: 0.0, area: 0.0, depth: 0, parent: None };
+        let mut line =
+            Line { points, is_closed, length: 0.0, area: 0.0, depth: 0, parent: None, crosses: false };
         line.length = line.segments().map(|[a, b]| distance(a, b)).sum();
         Some(line)
     }

@@ -1,5 +1,6 @@
 //! Nesting: which closed lines of a section lie in which, and what they enclose.
 
+use crate::crossing::crossing;
 use crate::line::Line;
 use crate::planes::dot;
 
@@ -16,34 +17,45 @@ struct Side {
 struct Probe {
     at: [f64; 2],
     line: u32,
+    /// Whether a line that turns left goes up here, and has its inside on the side of smaller x.
+    is_up: bool,
 }
 
-/// Tells every closed line its area, the lines that it lies in, and turns it so that what is filled is on its left. Lines of a surface that does not cross itself do
-/// not cross, so a single point of each decides; where they do, what lies in what is as that point has it.
+/// Tells every closed line its area, the lines that it lies in, and turns it so that what is filled is on its left. Of lines that do not cross, a single point of
+/// each decides; of those that do, what lies in what is as that point has it.
 pub(crate) fn nest(lines: &mut [Line], [u, v]: [[f64; 3]; 2]) {
-    let (mut sides, mut probes) = (Vec::new(), Vec::new());
+    let (mut numbers, mut rings): (Vec<u32>, Vec<Vec<[f64; 2]>>) = Default::default();
     for (number, line) in (0..).zip(lines.iter_mut()).filter(|(_, line)| line.is_closed) {
-        let flat: Vec<[f64; 2]> = line.points.iter().map(|point| [dot(u, *point), dot(v, *point)]).collect();
+        let mut flat: Vec<[f64; 2]> =
+            line.points.iter().map(|point| [dot(u, *point), dot(v, *point)]).collect();
         let area = area(&flat);
         line.area = area.abs();
         // Until it is known how deep it lies, all turn left.
         if area < 0.0 {
             line.points[1..].reverse();
+            flat[1..].reverse();
         }
-        let pairs = flat.iter().zip(flat[1..].iter().chain(&flat[..1]));
-        let mut longest = (-1.0, Probe { at: flat[0], line: number });
-        for (a, b) in pairs {
-            let [along, across] = [b[0] - a[0], b[1] - a[1]];
-            let length = along * along + across * across;
-            if length > longest.0 {
-                longest = (length, Probe { at: [a[0].midpoint(b[0]), a[1].midpoint(b[1])], line: number });
+        numbers.push(number);
+        rings.push(flat);
+    }
+    let crosses = crossing(&rings.iter().map(Vec::as_slice).collect::<Vec<_>>());
+    numbers.iter().zip(crosses).for_each(|(number, crosses)| lines[*number as usize].crosses = crosses);
+
+    let (mut sides, mut probes) = (Vec::new(), Vec::new());
+    for (line, ring) in numbers.into_iter().zip(rings) {
+        let mut highest = (-1.0, Probe { at: ring[0], line, is_up: true });
+        for (a, b) in ring.iter().zip(ring[1..].iter().chain(&ring[..1])) {
+            let across = b[1] - a[1];
+            if across.abs() > highest.0 {
+                let at = [a[0].midpoint(b[0]), a[1].midpoint(b[1])];
+                highest = (across.abs(), Probe { at, line, is_up: across > 0.0 });
             }
             if across != 0.0 {
                 let [low, high] = if across > 0.0 { [*a, *b] } else { [*b, *a] };
-                sides.push(Side { low, high, line: number });
+                sides.push(Side { low, high, line });
             }
         }
-        probes.push(longest.1);
+        probes.push(highest.1);
     }
 
     // So that no two lie in each other, as copies might: only what is larger, or came before, is around.
@@ -59,7 +71,8 @@ pub(crate) fn nest(lines: &mut [Line], [u, v]: [[f64; 3]; 2]) {
     }
 }
 
-/// For each probe, the lines that it lies in, the innermost first: those that a ray from it crosses an odd number of times.
+/// For each probe, the lines that it lies in, the innermost first: those that a ray from it crosses an odd number of times. A probe on another line, as of solids side
+/// by side, is taken as just inside of its own.
 fn within(mut sides: Vec<Side>, mut probes: Vec<Probe>) -> Vec<(u32, Vec<u32>)> {
     sides.sort_by(|a, b| a.low[1].total_cmp(&b.low[1]));
     probes.sort_by(|a, b| a.at[1].total_cmp(&b.at[1]).then(a.line.cmp(&b.line)));
@@ -67,18 +80,21 @@ fn within(mut sides: Vec<Side>, mut probes: Vec<Probe>) -> Vec<(u32, Vec<u32>)> 
     let mut active: Vec<Side> = Vec::new();
     let mut found = Vec::with_capacity(probes.len());
 
-    for Probe { at: [x, y], line } in probes {
+    for Probe { at: [x, y], line, is_up } in probes {
         while let Some(side) = sides.next_if(|side| side.low[1] <= y) {
             active.push(side);
         }
         active.retain(|side| side.high[1] > y);
         let others = active.iter().filter(|side| side.line != line);
         let mut hits: Vec<(f64, u32)> = others
-            .map(|Side { low, high, line }| {
-                let share = (y - low[1]) / (high[1] - low[1]);
-                (low[0] + share * (high[0] - low[0]), *line)
+            .filter_map(|Side { low, high, line }| {
+                let slope = (high[0] - low[0]) / (high[1] - low[1]);
+                let hit = low[0] + slope * (y - low[1]);
+                // Both are rounded.
+                let slack = 4.0 * f64::EPSILON * (low[0].abs() + high[0].abs() + slope.abs() * y.abs());
+                let is_hit = if (hit - x).abs() <= slack { is_up } else { hit > x };
+                is_hit.then_some((hit, *line))
             })
-            .filter(|(hit, _)| *hit > x)
             .collect();
         hits.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
 
@@ -116,7 +132,7 @@ mod tests {
 
     fn square(low: f64, high: f64) -> Line {
         let points = vec![[low, low, 0.0], [low, high, 0.0], [high, high, 0.0], [high, low, 0.0]];
-        Line { points, is_closed: true, length: 0.0, area: 0.0, depth: 0, parent: None }
+        Line { points, is_closed: true, length: 0.0, area: 0.0, depth: 0, parent: None, crosses: false }
     }
 
     #[test]

@@ -27,9 +27,15 @@ fn sum(numbers: impl Iterator<Item = f64>) -> f64 {
 }
 
 impl Section {
-    /// Area between lines of even depth and those in them.
-    pub fn area(&self) -> f64 {
-        sum(self.lines.iter().map(|line| if line.depth % 2 == 0 { line.area } else { -line.area }))
+    /// Area between lines of even depth and those in them; none where closed lines cross each other.
+    pub fn area(&self) -> Option<f64> {
+        let signed = |line: &Line| if line.depth.is_multiple_of(2) { line.area } else { -line.area };
+        (self.crossing() == 0).then(|| sum(self.lines.iter().map(signed)))
+    }
+
+    /// Closed lines that cross others.
+    pub fn crossing(&self) -> u64 {
+        self.lines.iter().filter(|line| line.crosses).count() as u64
     }
 
     /// Length of all lines.

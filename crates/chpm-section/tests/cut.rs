@@ -204,7 +204,7 @@ fn where_lines_touch_each_encloses_its_own() {
         let planes = Planes::new(normal, offsets).unwrap();
         for section in cut(&file, &planes) {
             let expected = turned_area(&mesh, &planes, section.offset).abs();
-            let area = section.area();
+            let area = section.area().unwrap();
             assert!(
                 (area - expected).abs() < 1e-6 * expected,
                 "{normal:?} at {}: {area}, {expected}",
@@ -267,18 +267,69 @@ fn neither_threads_nor_memory_show() {
     assert!(matches!(stopped, Err(SectionError::Stopped)));
 }
 
+fn cube(low: [f32; 3], side: f32) -> TriMesh {
+    let at = |i: u32| [0, 1, 2].map(|axis| low[axis] + side * (i >> axis & 1) as f32);
+    let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let triangles = faces.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect();
+    TriMesh::new((0..8).map(at).collect(), triangles)
+}
+
+/// The number of crossing lines of a plane through two cubes, and their area.
+fn of_two(second: TriMesh, normal: [f64; 3], offset: f64) -> (u64, Option<f64>) {
+    let mut mesh = cube([0.0; 3], 1.0);
+    mesh.triangles.extend(second.triangles.iter().map(|corners| corners.map(|corner| corner + 8)));
+    mesh.positions.extend(second.positions.iter());
+    let file = built(&mesh, Layout::VertexCache);
+    let sections = cut(&file, &Planes::new(normal, vec![offset]).unwrap());
+    assert_eq!(sections[0].lines.len(), 2);
+    (sections[0].crossing(), sections[0].area())
+}
+
+#[test]
+fn lines_of_solids_that_overlap_cross_and_have_no_area() {
+    for x in [0.3, 0.5, 0.7, 0.9] {
+        for normal in [[0.0, 0.0, 1.0], [0.1, 0.2, 1.0]] {
+            assert_eq!(of_two(cube([x, 0.11, 0.13], 0.9), normal, 0.55), (2, None), "{x} {normal:?}");
+        }
+    }
+    // Half of each in the other, and faces on faces.
+    assert_eq!(of_two(cube([0.5, 0.0, 0.0], 1.0), [0.0, 0.0, 1.0], 0.5), (2, None));
+}
+
+#[test]
+fn solids_that_touch_or_lie_in_each_other_have_an_area() {
+    for (low, side, expected) in [
+        ([1.25, 0.0, 0.0], 1.0, 2.0),
+        ([0.25, 0.25, 0.25], 0.5, 0.75),
+        ([1.0, 0.25, 0.25], 0.5, 1.25),
+        ([-0.5, 0.25, 0.25], 0.5, 1.25),
+        ([0.25, 1.0, 0.25], 0.5, 1.25),
+        ([0.25, -0.5, 0.25], 0.5, 1.25),
+        ([0.5, 0.25, 0.25], 0.5, 0.75),
+        ([0.0, 0.25, 0.25], 0.5, 0.75),
+        ([0.25, 0.0, 0.25], 0.5, 0.75),
+        ([0.25, 0.5, 0.25], 0.5, 0.75),
+        ([1.0, 0.0, 0.0], 1.0, 2.0),
+        ([0.0, -1.0, 0.0], 1.0, 2.0),
+    ] {
+        assert_eq!(of_two(cube(low, side), [0.0, 0.0, 1.0], 0.5), (0, Some(expected)), "{low:?}");
+    }
+    // Askew, with the same corners on both sides of the wall.
+    for low in [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]] {
+        let (crossing, area) = of_two(cube(low, 1.0), [0.2, 0.2, 1.0], 0.6);
+        let expected = 2.0 * 1.08_f64.sqrt();
+        assert!(crossing == 0 && (area.unwrap() - expected).abs() < 1e-12, "{low:?} {area:?}");
+    }
+}
+
 /// A cube: planes through its faces, edges and corners.
 #[test]
 fn a_cube_has_the_areas_that_it_has() {
-    let at = |i: u32| [(i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2 & 1) as f32];
-    let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    let triangles = faces.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect();
-    let mesh = TriMesh::new((0..8).map(at).collect(), triangles);
-    let file = built(&mesh, Layout::VertexCache);
+    let file = built(&cube([0.0; 3], 1.0), Layout::VertexCache);
     let area = |normal: [f64; 3], offset: f64| {
         let sections = cut(&file, &Planes::new(normal, vec![offset]).unwrap());
         assert_eq!(sections[0].open_ends(), 0);
-        (sections[0].lines.len(), sections[0].area(), sections[0].length())
+        (sections[0].lines.len(), sections[0].area().unwrap(), sections[0].length())
     };
     assert_eq!(area([0.0, 0.0, 1.0], 0.5), (1, 1.0, 4.0));
     // A face counts as above: the upper one is the rim of what is below it, below the lower one nothing is.

@@ -14,9 +14,9 @@ pub(super) struct Shape {
     size: f64,
     /// Edges, each way as the other's negative: zero where all cancel.
     edges: u64,
-    /// The vertex that is farthest ahead, and how far that is.
-    pub(super) far: [f32; 3],
-    pub(super) reach: f64,
+    /// The vertices that are farthest ahead and farthest back, and how far that is.
+    pub(super) far: [[f32; 3]; 2],
+    pub(super) reach: [f64; 2],
     pub(super) triangles: u64,
 }
 
@@ -34,8 +34,8 @@ impl Shape {
         area: [0.0; 3],
         size: 0.0,
         edges: 0,
-        far: [0.0; 3],
-        reach: f64::NEG_INFINITY,
+        far: [[0.0; 3]; 2],
+        reach: [f64::NEG_INFINITY; 2],
         triangles: 0,
     };
 
@@ -52,7 +52,8 @@ impl Shape {
         }
         for corner in corners {
             self.bounds.add(corner);
-            self.reached(corner, dot(corner.map(f64::from), AHEAD));
+            let reach = dot(corner.map(f64::from), AHEAD);
+            self.reached([corner; 2], [reach, -reach]);
         }
         self.triangles += 1;
     }
@@ -87,9 +88,17 @@ impl Shape {
         is_sure.then_some(volume < 0.0)
     }
 
-    fn reached(&mut self, at: [f32; 3], reach: f64) {
-        if reach > self.reach {
-            (self.far, self.reach) = (at, reach);
+    /// Whether another one's box has this one's.
+    pub(super) fn is_in_box_of(&self, other: &Shape) -> bool {
+        let [own, other] = [&self.bounds, &other.bounds];
+        (0..3).all(|axis| other.min[axis] <= own.min[axis] && own.max[axis] <= other.max[axis])
+    }
+
+    fn reached(&mut self, at: [[f32; 3]; 2], reach: [f64; 2]) {
+        for way in 0..2 {
+            if reach[way] > self.reach[way] {
+                (self.far[way], self.reach[way]) = (at[way], reach[way]);
+            }
         }
     }
 }

@@ -345,7 +345,8 @@ fn clip(ui: &mut Ui, settings: &mut Settings, about: &About<'_>) -> Option<Comma
             ui.label(RichText::new("the plane cuts nothing").small().color(QUIET));
         }
         Some(Known::Face(face)) => {
-            let [length, area] = [face.length, face.area].map(six_digits);
+            let length = six_digits(face.length);
+            let area = face.area.map_or("not told: closed lines cross".to_owned(), six_digits);
             let open = match face.open_ends {
                 0 => String::new(),
                 ends => format!("; {} open ends", count(ends)),

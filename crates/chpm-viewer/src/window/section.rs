@@ -46,8 +46,8 @@ pub struct Face {
     pub triangles: Vec<[u32; 3]>,
     /// Of all lines, in the model's units.
     pub length: f64,
-    /// Of what is closed.
-    pub area: f64,
+    /// Of what is closed; none where closed lines of a model cross each other.
+    pub area: Option<f64>,
     /// Ends of lines that are not closed.
     pub open_ends: u64,
 }
@@ -60,7 +60,7 @@ impl Face {
         self.points.extend(other.points);
         self.triangles.extend(other.triangles.iter().map(|corners| corners.map(|corner| corner + before)));
         self.length += other.length;
-        self.area += other.area;
+        self.area = self.area.zip(other.area).map(|(a, b)| a + b);
         self.open_ends += other.open_ends;
         self
     }
@@ -187,7 +187,7 @@ fn cut(
     cutting: &Cutting,
     go_on: &(dyn Fn() -> bool + Sync),
 ) -> Result<Face, String> {
-    let mut all = Face::default();
+    let mut all = Face { area: Some(0.0), ..Face::default() };
     for (model, place) in models.iter().zip(&cutting.places) {
         if let Some(plane) = place.plane(&cutting.clip) {
             all = all.and(slice.slice(model, &plane, go_on)?.moved(place));
@@ -299,7 +299,7 @@ mod tests {
             lines: vec![(ring, true), (line, false)],
             triangles: vec![[0, 1, 2], [0, 2, 3]],
             length: 9.0,
-            area: 4.0,
+            area: Some(4.0),
             open_ends: 2,
         }
     }
@@ -407,6 +407,6 @@ mod tests {
         let face = cut(&Squares, &models, &cutting, &|| true).unwrap();
         assert_eq!((face.lines.len(), face.points.len(), face.triangles[3]), (4, 8, [4, 6, 7]));
         assert_eq!((face.lines[2].0[0], face.points[4]), ([9.0, -1.0, 5.0], [9.0, -1.0, 5.0]));
-        assert_eq!((face.length, face.area, face.open_ends), (18.0, 8.0, 4));
+        assert_eq!((face.length, face.area, face.open_ends), (18.0, Some(8.0), 4));
     }
 }
