@@ -1,7 +1,7 @@
 //! `chpm share`: a model, and the page that shows it, as a folder for any host of static files.
 
 use super::{Verdict, build, open, relayout, stdout, word};
-use crate::args::Pages;
+use crate::args::{MemorySize, Pages};
 use crate::batch::inputs;
 use crate::folder::OutputFolder;
 use crate::json::{self, made, named};
@@ -163,7 +163,9 @@ fn write_model(args: &Args, built: Option<&Chpm<MappedFile>>, model: &Path, stop
     let (memory, least) = (args.memory.memory(), Bytes(MIN_MEMORY));
     ensure!(
         memory >= least,
-        "--memory {memory} is less than a build can stay below: give it {least} or more"
+        "--memory {} is less than a build can stay below: give it {} or more",
+        MemorySize(memory),
+        MemorySize(least)
     );
     let config = BuildConfig {
         settings: Settings { packed, chained, shown, positions, ..Settings::default() },
