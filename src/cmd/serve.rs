@@ -109,21 +109,37 @@ impl Served {
         Ok(Served { folder, only: Some(name), list: false, is_local, last: Mutex::default() })
     }
 
-    /// A .chpm file in the folder, or a volume of one, also if the way there has links, but not if it leads out of the folder.
+    /// A model, or a volume of one, also if the way there has links, but not if it leads out of the folder.
     fn find(&self, path: &str) -> Option<PathBuf> {
-        let volume = volume_of(path);
-        let model = volume.as_ref().map_or(path, |(model, _)| model);
+        self.model(path).or_else(|| self.volume(path))
+    }
+
+    /// The only file, whatever its name, or a .chpm file in the folder.
+    fn model(&self, path: &str) -> Option<PathBuf> {
         let may_be = match &self.only {
-            Some(only) => only == model,
-            None => !model.split('/').any(|part| part.starts_with('.')),
+            Some(only) => only == path,
+            None => {
+                let extension = Path::new(path).extension();
+                let is_hidden = path.split('/').any(|part| part.starts_with('.'));
+                !is_hidden && extension.is_some_and(|extension| extension.eq_ignore_ascii_case("chpm"))
+            }
         };
-        if !may_be || !model.ends_with(".chpm") {
-            return None;
-        }
-        let mut found = fs::canonicalize(self.folder.join(model)).ok().filter(|found| found.is_file())?;
-        if let Some((_, number)) = volume {
-            found = fs::canonicalize(volume::path(&found, number)).ok()?;
-        }
+        if may_be { self.within(&self.folder.join(path)) } else { None }
+    }
+
+    /// The volume of a model that has this name: `a.0001.pages` is one of `a.chpm`, or of `a`.
+    fn volume(&self, path: &str) -> Option<PathBuf> {
+        let (stem, digits) = path.strip_suffix(".pages")?.rsplit_once('.')?;
+        let number = digits.parse().ok()?;
+        let models = [format!("{stem}.chpm"), stem.to_owned()];
+        let mut named =
+            models.iter().filter(|model| volume::path(Path::new(model), number) == Path::new(path));
+        named.find_map(|model| self.within(&volume::path(&self.model(model)?, number)))
+    }
+
+    /// The file at a path, without links, if it is in the folder.
+    fn within(&self, path: &Path) -> Option<PathBuf> {
+        let found = fs::canonicalize(path).ok()?;
         (found.starts_with(&self.folder) && found.is_file()).then_some(found)
     }
 
@@ -146,18 +162,10 @@ impl Served {
     fn names(&self) -> Vec<String> {
         let entries = fs::read_dir(&self.folder).into_iter().flatten().flatten();
         let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
-        let is_model = |name: &String| volume_of(name).is_none() && self.find(name).is_some();
-        let mut names: Vec<String> = names.filter(is_model).collect();
+        let mut names: Vec<String> = names.filter(|name| self.model(name).is_some()).collect();
         names.sort_unstable();
         names
     }
-}
-
-/// The model that something of this name is a volume of, and its number: `a.chpm` and 1 for `a.0001.pages`.
-fn volume_of(path: &str) -> Option<(String, u32)> {
-    let (stem, digits) = path.strip_suffix(".pages")?.rsplit_once('.')?;
-    let is_number = digits.len() == 4 && digits.bytes().all(|byte| byte.is_ascii_digit());
-    Some((format!("{stem}.chpm"), digits.parse().ok().filter(|_| is_number)?))
 }
 
 /// The page's address for a file.

@@ -86,6 +86,25 @@ fn ranges_of_one_file_are_served_and_nothing_else() {
     }
 }
 
+#[test]
+fn a_model_is_served_whatever_its_name() {
+    let folder = built();
+    for name in ["model", "model.dat", "UP.CHPM", "a.0001.pages"] {
+        fs::copy(folder.path("a.chpm"), folder.path(name)).expect("a copy");
+        let host = Host::start(&folder, name);
+        assert_eq!(host.get(&format!("/{name}"), "").2, folder.read("a.chpm"), "{name}");
+        for other in ["a.chpm", "model.chpm", "up.chpm", "in.ply"] {
+            assert_eq!(host.get(&format!("/{other}"), "").0, 404, "{name}: {other}");
+        }
+    }
+    // In a folder it is the extension that says what is a model.
+    let host = Host::start(&folder, ". --list");
+    let page = String::from_utf8(host.get("/", "").2).expect("text");
+    assert!(page.contains("UP.CHPM") && !page.contains("model"), "{page}");
+    let answers = ["/UP.CHPM", "/model", "/model.dat"].map(|path| host.get(path, "").0);
+    assert_eq!(answers, [200, 404, 404]);
+}
+
 /// The value of a header of an answer.
 fn header<'a>(head: &'a str, name: &str) -> Option<&'a str> {
     head.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(": ")).map(str::trim)
