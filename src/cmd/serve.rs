@@ -7,7 +7,8 @@ use anyhow::{Context, Result, ensure};
 use axum::Router;
 use axum::body::Body;
 use axum::extract::{Request, State};
-use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
+use axum::http::request::Parts;
+use axum::http::{self, HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::{Html, IntoResponse, Redirect, Response};
 use chpm_extmem::platform;
 use chpm_format::volume;
@@ -23,6 +24,8 @@ use xxhash_rust::xxh3::xxh3_64;
 
 /// Threads that read files, beside the one that answers.
 const READERS: usize = 8;
+/// How often an answer is begun before a file counts as one that never stays.
+const TRIES: u32 = 16;
 
 /// Arguments of `chpm serve`.
 #[derive(clap::Args, Debug)]
@@ -214,24 +217,38 @@ async fn answer(State(served): State<Arc<Served>>, mut request: Request) -> Resp
     if let Some(file) = FILES.iter().find(|file| file.path == path) {
         return own(file.text.into(), file.media_type, request.headers());
     }
-    let Some(found) = served.find(&path) else {
-        return (StatusCode::NOT_FOUND, "no .chpm file of that name is served\n").into_response();
-    };
+    file(&served, &path, &request.into_parts().0).await
+}
+
+/// A file, or why it is not sent. One that takes its place meanwhile is not sent under its tag: all begins anew with that one.
+async fn file(served: &Served, path: &str, asked: &Parts) -> Response {
     let unreadable = || (StatusCode::INTERNAL_SERVER_ERROR, "the file cannot be read\n").into_response();
-    let Ok((tag, len)) = version(&found) else { return unreadable() };
-    let mut answer = match settled(request.headers_mut(), &tag, len) {
-        Some(status) => status.into_response(),
-        None => match ServeFile::new(found).try_call(request).await {
-            Ok(answer) => answer.map(Body::new),
-            Err(_) => return unreadable(),
-        },
-    };
-    answer.headers_mut().insert(header::ETAG, tag);
-    // To be kept, and asked for again by its tag.
-    answer.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));
-    // Pages of other origins may not read what is on this machine.
-    answer.headers_mut().insert("Cross-Origin-Resource-Policy", HeaderValue::from_static("same-origin"));
-    answer
+    for _ in 0..TRIES {
+        let Some(found) = served.find(path) else {
+            return (StatusCode::NOT_FOUND, "no .chpm file of that name is served\n").into_response();
+        };
+        let Ok((tag, len)) = version(&found) else { return unreadable() };
+        let mut request = http::Request::from_parts(asked.clone(), ());
+        let mut answer = match settled(request.headers_mut(), &tag, len) {
+            Some(status) => status.into_response(),
+            None => match ServeFile::new(&found).try_call(request).await {
+                Ok(answer) => answer.map(Body::new),
+                Err(_) => return unreadable(),
+            },
+        };
+        if version(&found).is_ok_and(|(now, _)| now == tag) {
+            answer.headers_mut().insert(header::ETAG, tag);
+            // To be kept, and asked for again by its tag.
+            answer.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));
+            // Pages of other origins may not read what is on this machine.
+            answer
+                .headers_mut()
+                .insert("Cross-Origin-Resource-Policy", HeaderValue::from_static("same-origin"));
+            return answer;
+        }
+    }
+    (StatusCode::SERVICE_UNAVAILABLE, "the file is being replaced again and again: ask later\n")
+        .into_response()
 }
 
 /// The page of a model, made beside the thread that answers: pages of the model are read for it.
