@@ -289,8 +289,11 @@ fn version(path: &Path) -> Result<(HeaderValue, u64)> {
 /// has only to serve what is left of them.
 fn settled(headers: &mut HeaderMap, tag: &HeaderValue, len: u64) -> Option<StatusCode> {
     let names = |value: &HeaderValue| names(value, tag.as_bytes());
-    if headers.get(header::IF_MATCH).is_some_and(|value| !names(value)) {
-        return Some(StatusCode::PRECONDITION_FAILED);
+    if let Some(known) = headers.get(header::IF_MATCH) {
+        if !names(known) {
+            return Some(StatusCode::PRECONDITION_FAILED);
+        }
+        headers.remove(header::IF_UNMODIFIED_SINCE);
     }
     if let Some(known) = headers.get(header::IF_NONE_MATCH) {
         if names(known) {
@@ -307,8 +310,12 @@ fn settled(headers: &mut HeaderMap, tag: &HeaderValue, len: u64) -> Option<Statu
     let one = ranges.next().filter(|_| ranges.next().is_none());
     match one.filter(|_| unit.trim().eq_ignore_ascii_case("bytes") && !is_other) {
         Some(range) => {
-            let last = range.strip_prefix('-').and_then(|last| last.parse::<u64>().ok());
-            let range = if last.is_some_and(|last| last > len) { "0-" } else { range };
+            let range = match range.split_once('-') {
+                Some((first, last)) if is_beyond(last, len) => {
+                    format!("{}-", if first.is_empty() { "0" } else { first })
+                }
+                _ => range.to_owned(),
+            };
             headers.insert(header::RANGE, HeaderValue::from_str(&format!("bytes={range}")).ok()?);
         }
         None => {
@@ -316,6 +323,12 @@ fn settled(headers: &mut HeaderMap, tag: &HeaderValue, len: u64) -> Option<Statu
         }
     }
     None
+}
+
+/// Whether digits are a number above `len`, though it may be beyond 64 bits.
+fn is_beyond(digits: &str, len: u64) -> bool {
+    let is_number = !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit());
+    is_number && digits.parse().unwrap_or(u64::MAX) > len
 }
 
 /// Page at the root: the only file's page, a list if that was asked for, else the page without a model.

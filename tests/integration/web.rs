@@ -123,6 +123,10 @@ fn parts_of_a_file_are_told_from_parts_of_another() {
     assert_eq!(ask(&format!("If-Range: {tag}")).0, 206);
     assert_eq!(ask(&format!("If-Match: {tag}")).0, 206);
     assert_eq!(ask("If-Match: \"another\"").0, 412);
+    // A tag says more than a date.
+    let long_ago = "If-Unmodified-Since: Mon, 01 Jan 2001 00:00:00 GMT";
+    assert_eq!(ask(long_ago).0, 412);
+    assert_eq!(ask(&format!("If-Match: {tag}\r\n{long_ago}")).0, 206);
     assert_eq!(ask("If-None-Match: \"another\"").0, 206);
     assert_eq!(ask(&format!("If-None-Match: \"another\", W/{tag}")).0, 304);
     for other in ["\"another\"", "Mon, 01 Jan 2001 00:00:00 GMT"] {
@@ -188,7 +192,11 @@ fn odd_ranges_are_answered_as_the_standard_says() {
     for (range, status, content) in [
         ("bytes=-4".to_owned(), 206, Some(format!("bytes {}-{}/{len}", len - 4, len - 1))),
         (format!("bytes=-{}", len + 9), 206, Some(all.clone())),
-        (format!("bytes=0-{}", len + 9), 206, Some(all)),
+        (format!("bytes=0-{}", len + 9), 206, Some(all.clone())),
+        // Beyond 64 bits.
+        ("bytes=0-99999999999999999999".to_owned(), 206, Some(all.clone())),
+        ("bytes=-99999999999999999999".to_owned(), 206, Some(all)),
+        ("bytes=99999999999999999999-".to_owned(), 416, Some(format!("bytes */{len}"))),
         (format!("bytes={len}-"), 416, Some(format!("bytes */{len}"))),
         ("bytes=-0".to_owned(), 416, Some(format!("bytes */{len}"))),
         ("lines=1-2".to_owned(), 200, None),
