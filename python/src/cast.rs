@@ -4,8 +4,10 @@ use crate::asked::Amount;
 use crate::error::Failure;
 use crate::file::Model;
 use crate::job;
+use crate::settings;
 use crate::view::{row, rows};
-use chpm_extmem::Cancel;
+use chpm_extmem::{Cancel, MappedFile};
+use chpm_format::Chpm;
 use chpm_mesh::Bytes;
 use chpm_rays::{Bound, Caster, Hit, Memory, Ray, RayError, Seek};
 use numpy::{AllowTypeChange, PyArray1, PyArray2, PyArrayLikeDyn, PyUntypedArrayMethods};
@@ -137,29 +139,38 @@ pub(crate) fn cast(
     let error = error.map(Amount::length).transpose()?;
     let error = error.map_or(0.0, |error| error.of(model.file.header().aabb().diagonal()));
     let bound = if error > 0.0 { Bound::within(error) } else { Bound::LEAVES };
+    let pool = settings::pool(None)?;
     job::run(py, None, |_, cancel| {
-        model.reading(|file| {
-            let mut caster = Caster::new(file, Memory::divide(ROOM, rayon::current_num_threads()));
-            let within = match caster.distance(&bound) {
-                Err(error) if !bound.is_leaves() => {
-                    return Err(Failure::Asked(format!("no coarse mesh proves anything: {error}")));
-                }
-                within => within.ok(),
-            };
-            let go_on = || !Cancel::is_cancelled(cancel);
-            let mut hits = Vec::with_capacity(rays.len());
-            caster.cast(rays, &bound, seek, &go_on, |hit, _| hits.push(hit)).map_err(failure)?;
-            let mut least = None;
-            if let Some(within) = within.filter(|_| !bound.is_leaves()) {
-                let mut all = Vec::with_capacity(rays.len());
-                caster
-                    .cast(rays, &bound, Seek::Within(within), &go_on, |_, least| all.push(least))
-                    .map_err(failure)?;
-                least = Some(all);
-            }
-            Ok(Answers { hits, least, within })
-        })
+        model.reading(|file| pool.install(|| found(file, rays, &bound, seek, cancel)))
     })
+}
+
+fn found(
+    file: &Chpm<MappedFile>,
+    rays: &[Ray],
+    bound: &Bound,
+    seek: Seek,
+    cancel: &Cancel,
+) -> Result<Answers, Failure> {
+    let mut caster = Caster::new(file, Memory::divide(ROOM, rayon::current_num_threads()));
+    let within = match caster.distance(bound) {
+        Err(error) if !bound.is_leaves() => {
+            return Err(Failure::Asked(format!("no coarse mesh proves anything: {error}")));
+        }
+        within => within.ok(),
+    };
+    let go_on = || !Cancel::is_cancelled(cancel);
+    let mut hits = Vec::with_capacity(rays.len());
+    caster.cast(rays, bound, seek, &go_on, |hit, _| hits.push(hit)).map_err(failure)?;
+    let mut least = None;
+    if let Some(within) = within.filter(|_| !bound.is_leaves()) {
+        let mut all = Vec::with_capacity(rays.len());
+        caster
+            .cast(rays, bound, Seek::Within(within), &go_on, |_, least| all.push(least))
+            .map_err(failure)?;
+        least = Some(all);
+    }
+    Ok(Answers { hits, least, within })
 }
 
 fn failure(error: RayError) -> Failure {

@@ -33,11 +33,9 @@ struct Resources {
 
 impl Means<'_> {
     fn resources(self) -> Result<Resources, Failure> {
-        let threads = settings::threads(self.threads)?;
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
         Ok(Resources {
             memory: settings::memory(&self.memory)?,
-            pool: pool.build().map_err(|error| Failure::Asked(format!("cannot start threads: {error}")))?,
+            pool: settings::pool(self.threads)?,
             scratch: self.work_dir.unwrap_or_else(std::env::temp_dir),
         })
     }

@@ -3,6 +3,7 @@
 use crate::asked::{Amount, Asked};
 use crate::error::Failure;
 use crate::file::Model;
+use crate::settings;
 use crate::view::rows;
 use chpm_mesh::{Bytes, Level};
 use chpm_refine::Cut;
@@ -64,6 +65,7 @@ pub(crate) fn cut(
     [x, y, z, offset]: [f64; 4],
     error: Option<Amount>,
 ) -> Result<chpm_section::Section, Failure> {
+    let pool = settings::pool(None)?;
     model.reading(|file| {
         let planes = Planes::new([x, y, z], vec![offset]).map_err(failure)?;
         let mesh = match error {
@@ -73,8 +75,8 @@ pub(crate) fn cut(
                 asked.request(file)?.cut(file, 0.0, 0, || Ok::<_, Failure>(()))?
             }
         };
-        let found =
-            Slicer::new(file, &mesh, &planes).next_sections(Bytes(u64::MAX), || true).map_err(failure)?;
+        let slice = || Slicer::new(file, &mesh, &planes).next_sections(Bytes(u64::MAX), || true);
+        let found = pool.install(slice).map_err(failure)?;
         found.into_iter().next().ok_or_else(|| Failure::Asked("there is no plane".to_owned()))
     })
 }

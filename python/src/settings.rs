@@ -180,6 +180,12 @@ pub(crate) fn threads(told: Option<u32>) -> Result<usize, Failure> {
     }
 }
 
+/// Threads for one call, and no more: those of a pool that stays would be missing in a process that was forked from this one.
+pub(crate) fn pool(threads: Option<u32>) -> Result<rayon::ThreadPool, Failure> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(self::threads(threads)?).build();
+    pool.map_err(|error| Failure::Asked(format!("cannot start threads: {error}")))
+}
+
 /// A size of memory, as in `"4G"`, or a number of bytes.
 pub(crate) fn memory(told: &Bound<'_, PyAny>) -> Result<Bytes, Failure> {
     let size: MemorySize = told.str()?.to_string().parse().map_err(|error| refused("memory", error))?;

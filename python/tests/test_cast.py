@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import threading
+import warnings
 
 import chpm
 import numpy as np
@@ -129,3 +132,24 @@ def test_other_threads_run_meanwhile(models):
             counted += 1
         worker.join()
     assert counted > 3
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="nothing forks here")
+def test_a_forked_child_casts_and_cuts(models):
+    with chpm.open(models["plain"]) as scan:
+        origins, directions = some(scan, 100)
+        plane = [0, 0, 1, scan.bounds[:, 2].mean()]
+        ask = lambda: (scan.cast(origins, directions).hit.tolist(), scan.section(plane).length)  # noqa: E731
+        before = ask()
+        with warnings.catch_warnings():
+            # That this process has threads, of which a child has none: this is what is tested.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            child = os.fork()
+        if child == 0:
+            # One that hangs would be waited for without end.
+            signal.alarm(120)
+            try:
+                os._exit(0 if ask() == before else 1)
+            finally:
+                os._exit(2)
+        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0

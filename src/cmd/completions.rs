@@ -34,11 +34,21 @@ pub(crate) struct ManArgs {
 /// Writes the script to stdout.
 pub(crate) fn run(args: &Args) -> Result<Verdict> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut examples::command(), "chpm", &mut script);
+    clap_complete::generate(args.shell, &mut shown(), "chpm", &mut script);
     let mut out = stdout();
     out.write_all(&script)?;
     out.flush()?;
     Ok(Verdict::Good)
+}
+
+/// The command line without what help does not show: scripts would offer it.
+fn shown() -> Command {
+    let all = examples::command();
+    let verbs = all.get_subcommands().filter(|verb| !verb.is_hide_set()).cloned();
+    Command::new("chpm")
+        .version(env!("CARGO_PKG_VERSION"))
+        .args(all.get_arguments().cloned())
+        .subcommands(verbs)
 }
 
 /// How a verb is called: what may be left out, what has to be there, and the files, each option with what it takes.

@@ -4,6 +4,7 @@ use super::{Verdict, open, reading};
 use crate::json::{self, made, named};
 use crate::memory::{self, MemoryArgs};
 use crate::output;
+use crate::progress::line;
 use crate::stop::{self, Stop};
 use anyhow::{Context, Result, ensure};
 use chpm_extmem::MappedFile;
@@ -60,7 +61,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     inputs.extend(args.compare.as_deref().into_iter().chain(args.built.as_deref()));
     let mut html = output::REPORT.create(&args.output, args.force, &inputs)?;
     let mut out = output::messages([&html], args.json, args.quiet)?;
-    let built = args.built.as_deref().map(built).transpose()?;
+    let built = args.built.as_deref().map(|path| built(path, &file, args)).transpose()?;
     let other = match (&args.compare, &other) {
         (Some(path), Some(file)) => Some(reading(file, || Ok(Shown::new(name(path), file, &cancel)?))?),
         _ => None,
@@ -100,10 +101,30 @@ fn name(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
-fn built(path: &Path) -> Result<Value> {
+/// What was printed when `file` was built.
+fn built(path: &Path, file: &Chpm<MappedFile>, args: &Args) -> Result<Value> {
     let text = json::read(path)?;
     let told = || format!("'{}' is no document of `chpm build --json`", path.display());
     let value: Value = serde_json::from_slice(&text).with_context(told)?;
     ensure!(value["schema"] == "chpm-build/1", told());
+    let (header, source) = (file.header(), file.metadata()?.source);
+    for (what, told, own) in [
+        ("bytes of the source", &value["source"]["bytes"], source.byte_len),
+        ("vertices of the source", &value["source"]["vertices"], source.vertex_count),
+        ("clusters", &value["clusters"], header.cluster_count.into()),
+        ("roots", &value["roots"], header.root_count.into()),
+    ] {
+        let (json, model) = (path.display(), args.file.display());
+        ensure!(
+            told.as_u64() == Some(own),
+            "'{json}' is of another build than '{model}': {what}: {told} there, {own} here; give what `chpm build --json` printed for this file"
+        );
+    }
+    // A file may have been renamed, or have a sibling that differs only in what is not told.
+    let output = value["output"].as_str().map(Path::new).unwrap_or(Path::new(""));
+    if !args.quiet && output.file_name() != args.file.file_name() {
+        let (json, model, output) = (path.display(), args.file.display(), output.display());
+        line(&format!("warning: '{json}' tells of the build of '{output}'; is '{model}' the same?"));
+    }
     Ok(value)
 }

@@ -7,7 +7,8 @@ use anyhow::{Context, Result, ensure};
 use axum::Router;
 use axum::body::Body;
 use axum::extract::{Request, State};
-use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
+use axum::http::request::Parts;
+use axum::http::{self, HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::{Html, IntoResponse, Redirect, Response};
 use chpm_extmem::platform;
 use chpm_format::volume;
@@ -23,6 +24,8 @@ use xxhash_rust::xxh3::xxh3_64;
 
 /// Threads that read files, beside the one that answers.
 const READERS: usize = 8;
+/// How often an answer is begun before a file counts as one that never stays.
+const TRIES: u32 = 16;
 
 /// Arguments of `chpm serve`.
 #[derive(clap::Args, Debug)]
@@ -109,21 +112,37 @@ impl Served {
         Ok(Served { folder, only: Some(name), list: false, is_local, last: Mutex::default() })
     }
 
-    /// A .chpm file in the folder, or a volume of one, also if the way there has links, but not if it leads out of the folder.
+    /// A model, or a volume of one, also if the way there has links, but not if it leads out of the folder.
     fn find(&self, path: &str) -> Option<PathBuf> {
-        let volume = volume_of(path);
-        let model = volume.as_ref().map_or(path, |(model, _)| model);
+        self.model(path).or_else(|| self.volume(path))
+    }
+
+    /// The only file, whatever its name, or a .chpm file in the folder.
+    fn model(&self, path: &str) -> Option<PathBuf> {
         let may_be = match &self.only {
-            Some(only) => only == model,
-            None => !model.split('/').any(|part| part.starts_with('.')),
+            Some(only) => only == path,
+            None => {
+                let extension = Path::new(path).extension();
+                let is_hidden = path.split('/').any(|part| part.starts_with('.'));
+                !is_hidden && extension.is_some_and(|extension| extension.eq_ignore_ascii_case("chpm"))
+            }
         };
-        if !may_be || !model.ends_with(".chpm") {
-            return None;
-        }
-        let mut found = fs::canonicalize(self.folder.join(model)).ok().filter(|found| found.is_file())?;
-        if let Some((_, number)) = volume {
-            found = fs::canonicalize(volume::path(&found, number)).ok()?;
-        }
+        if may_be { self.within(&self.folder.join(path)) } else { None }
+    }
+
+    /// The volume of a model that has this name: `a.0001.pages` is one of `a.chpm`, or of `a`.
+    fn volume(&self, path: &str) -> Option<PathBuf> {
+        let (stem, digits) = path.strip_suffix(".pages")?.rsplit_once('.')?;
+        let number = digits.parse().ok()?;
+        let models = [format!("{stem}.chpm"), stem.to_owned()];
+        let mut named =
+            models.iter().filter(|model| volume::path(Path::new(model), number) == Path::new(path));
+        named.find_map(|model| self.within(&volume::path(&self.model(model)?, number)))
+    }
+
+    /// The file at a path, without links, if it is in the folder.
+    fn within(&self, path: &Path) -> Option<PathBuf> {
+        let found = fs::canonicalize(path).ok()?;
         (found.starts_with(&self.folder) && found.is_file()).then_some(found)
     }
 
@@ -146,18 +165,10 @@ impl Served {
     fn names(&self) -> Vec<String> {
         let entries = fs::read_dir(&self.folder).into_iter().flatten().flatten();
         let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
-        let is_model = |name: &String| volume_of(name).is_none() && self.find(name).is_some();
-        let mut names: Vec<String> = names.filter(is_model).collect();
+        let mut names: Vec<String> = names.filter(|name| self.model(name).is_some()).collect();
         names.sort_unstable();
         names
     }
-}
-
-/// The model that something of this name is a volume of, and its number: `a.chpm` and 1 for `a.0001.pages`.
-fn volume_of(path: &str) -> Option<(String, u32)> {
-    let (stem, digits) = path.strip_suffix(".pages")?.rsplit_once('.')?;
-    let is_number = digits.len() == 4 && digits.bytes().all(|byte| byte.is_ascii_digit());
-    Some((format!("{stem}.chpm"), digits.parse().ok().filter(|_| is_number)?))
 }
 
 /// The page's address for a file.
@@ -206,24 +217,38 @@ async fn answer(State(served): State<Arc<Served>>, mut request: Request) -> Resp
     if let Some(file) = FILES.iter().find(|file| file.path == path) {
         return own(file.text.into(), file.media_type, request.headers());
     }
-    let Some(found) = served.find(&path) else {
-        return (StatusCode::NOT_FOUND, "no .chpm file of that name is served\n").into_response();
-    };
+    file(&served, &path, &request.into_parts().0).await
+}
+
+/// A file, or why it is not sent. One that takes its place meanwhile is not sent under its tag: all begins anew with that one.
+async fn file(served: &Served, path: &str, asked: &Parts) -> Response {
     let unreadable = || (StatusCode::INTERNAL_SERVER_ERROR, "the file cannot be read\n").into_response();
-    let Ok((tag, len)) = version(&found) else { return unreadable() };
-    let mut answer = match settled(request.headers_mut(), &tag, len) {
-        Some(status) => status.into_response(),
-        None => match ServeFile::new(found).try_call(request).await {
-            Ok(answer) => answer.map(Body::new),
-            Err(_) => return unreadable(),
-        },
-    };
-    answer.headers_mut().insert(header::ETAG, tag);
-    // To be kept, and asked for again by its tag.
-    answer.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));
-    // Pages of other origins may not read what is on this machine.
-    answer.headers_mut().insert("Cross-Origin-Resource-Policy", HeaderValue::from_static("same-origin"));
-    answer
+    for _ in 0..TRIES {
+        let Some(found) = served.find(path) else {
+            return (StatusCode::NOT_FOUND, "no .chpm file of that name is served\n").into_response();
+        };
+        let Ok((tag, len)) = version(&found) else { return unreadable() };
+        let mut request = http::Request::from_parts(asked.clone(), ());
+        let mut answer = match settled(request.headers_mut(), &tag, len) {
+            Some(status) => status.into_response(),
+            None => match ServeFile::new(&found).try_call(request).await {
+                Ok(answer) => answer.map(Body::new),
+                Err(_) => return unreadable(),
+            },
+        };
+        if version(&found).is_ok_and(|(now, _)| now == tag) {
+            answer.headers_mut().insert(header::ETAG, tag);
+            // To be kept, and asked for again by its tag.
+            answer.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("no-cache"));
+            // Pages of other origins may not read what is on this machine.
+            answer
+                .headers_mut()
+                .insert("Cross-Origin-Resource-Policy", HeaderValue::from_static("same-origin"));
+            return answer;
+        }
+    }
+    (StatusCode::SERVICE_UNAVAILABLE, "the file is being replaced again and again: ask later\n")
+        .into_response()
 }
 
 /// The page of a model, made beside the thread that answers: pages of the model are read for it.
@@ -264,8 +289,11 @@ fn version(path: &Path) -> Result<(HeaderValue, u64)> {
 /// has only to serve what is left of them.
 fn settled(headers: &mut HeaderMap, tag: &HeaderValue, len: u64) -> Option<StatusCode> {
     let names = |value: &HeaderValue| names(value, tag.as_bytes());
-    if headers.get(header::IF_MATCH).is_some_and(|value| !names(value)) {
-        return Some(StatusCode::PRECONDITION_FAILED);
+    if let Some(known) = headers.get(header::IF_MATCH) {
+        if !names(known) {
+            return Some(StatusCode::PRECONDITION_FAILED);
+        }
+        headers.remove(header::IF_UNMODIFIED_SINCE);
     }
     if let Some(known) = headers.get(header::IF_NONE_MATCH) {
         if names(known) {
@@ -282,8 +310,12 @@ fn settled(headers: &mut HeaderMap, tag: &HeaderValue, len: u64) -> Option<Statu
     let one = ranges.next().filter(|_| ranges.next().is_none());
     match one.filter(|_| unit.trim().eq_ignore_ascii_case("bytes") && !is_other) {
         Some(range) => {
-            let last = range.strip_prefix('-').and_then(|last| last.parse::<u64>().ok());
-            let range = if last.is_some_and(|last| last > len) { "0-" } else { range };
+            let range = match range.split_once('-') {
+                Some((first, last)) if is_beyond(last, len) => {
+                    format!("{}-", if first.is_empty() { "0" } else { first })
+                }
+                _ => range.to_owned(),
+            };
             headers.insert(header::RANGE, HeaderValue::from_str(&format!("bytes={range}")).ok()?);
         }
         None => {
@@ -291,6 +323,12 @@ fn settled(headers: &mut HeaderMap, tag: &HeaderValue, len: u64) -> Option<Statu
         }
     }
     None
+}
+
+/// Whether digits are a number above `len`, though it may be beyond 64 bits.
+fn is_beyond(digits: &str, len: u64) -> bool {
+    let is_number = !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit());
+    is_number && digits.parse().unwrap_or(u64::MAX) > len
 }
 
 /// Page at the root: the only file's page, a list if that was asked for, else the page without a model.

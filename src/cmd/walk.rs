@@ -13,7 +13,7 @@ use crate::progress::{Meter, line};
 use crate::report::{count, table};
 use crate::stop::{self, Stop};
 use crate::view::{self, ImageArgs};
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, FormatError, PageBuf};
 use chpm_mesh::{Bytes, ClusterId, Counted};
@@ -219,7 +219,18 @@ impl<'a> Walk<'a> {
                 file.get_ref().keep_resident(mapped);
                 Bytes(pages)
             }
-            memory => memory.unwrap_or(Bytes(u64::MAX)),
+            memory => {
+                let pages = memory.unwrap_or(Bytes(u64::MAX));
+                // The roots are never let go, so they have to fit.
+                let attributes = file.header().attributes();
+                let roots = file.roots().map(|root| file.clusters()[root.index()].unpacked_len(attributes));
+                let needed = Bytes(roots.sum());
+                ensure!(
+                    needed <= pages,
+                    "memory: at least {needed} needed for the coarsest mesh, {pages} allowed; allow more"
+                );
+                pages
+            }
         };
         Ok(Walk {
             file,

@@ -125,6 +125,23 @@ fn the_page_is_whole_and_needs_nothing_else() {
 }
 
 #[test]
+fn times_of_another_build_are_refused() {
+    let folder = page();
+    let said = folder.stderr("report other.chpm -o other.html --built built.json", 2);
+    assert!(said.contains("'built.json' is of another build than 'other.chpm': clusters"), "{said}");
+    assert!(!folder.path("other.html").exists());
+    // A name is no proof.
+    fs::rename(folder.path("in.chpm"), folder.path("moved.chpm")).expect("a name");
+    let said = folder.stderr("report moved.chpm -o moved.html --built built.json", 0);
+    assert!(said.contains("warning: 'built.json' tells of the build of 'in.chpm'"), "{said}");
+    fs::rename(folder.path("moved.chpm"), folder.path("in.chpm")).expect("a name");
+    assert_eq!(folder.stderr("report in.chpm -o page.html -f --built built.json", 0), "");
+    // Nor is it another build where less is kept than the source has.
+    folder.write("less.json", folder.stdout("build in.ply -q --json -o less.chpm --finest-error 1%"));
+    assert_eq!(folder.stderr("report less.chpm -o less.html --built less.json", 0), "");
+}
+
+#[test]
 fn the_map_is_of_the_hierarchy() {
     let folder = page();
     let html = text(&folder.read("page.html"));

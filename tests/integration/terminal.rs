@@ -91,6 +91,10 @@ fn shells_complete_every_verb() {
         for verb in verbs(&folder) {
             assert!(script.contains(&verb), "{name}: {verb}");
         }
+        // What only the command itself calls is not typed.
+        let mut words = script.split(|c: char| !c.is_ascii_alphanumeric());
+        assert!(!words.any(|word| word == "contend"), "{name}");
+        assert!(script.contains("version"), "{name}");
     }
     folder.write("chpm.bash", folder.stdout("completions bash"));
     let typed = "source ./chpm.bash && COMP_WORDS=(chpm ver) && COMP_CWORD=1 && _chpm chpm ver chpm && echo ${COMPREPLY[@]}";

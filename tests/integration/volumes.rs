@@ -273,6 +273,17 @@ fn volumes_are_served_and_shared() {
         assert_eq!(host.get(path, "").0, 404, "{path}");
     }
     assert_eq!(host.get("/view.html?file=in%2Echpm", "").0, 200);
+    // Volumes are named after what the model is called.
+    folder.stdout("relayout in.chpm -o plain --volume-size 60K -q");
+    fs::copy(folder.path("one.chpm"), folder.path("UP.CHPM")).expect("a copy");
+    folder.write("UP.CHPM.0001.pages", "up");
+    let plain = Host::start(&folder, "plain");
+    assert_eq!(plain.get("/plain.0002.pages", "").2, folder.read("plain.0002.pages"));
+    assert_eq!(plain.get("/in.0002.pages", "").0, 404);
+    let all = Host::start(&folder, ".");
+    let answers = ["/in.0002.pages", "/UP.CHPM.0001.pages", "/plain.0002.pages", "/other.0001.pages"]
+        .map(|path| all.get(path, "").0);
+    assert_eq!(answers, [200, 200, 404, 404]);
     // One file, or pieces of one.
     folder.stdout("share in.chpm -o site -q");
     folder.stdout("share one.chpm -o site1 -q");

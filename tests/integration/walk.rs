@@ -115,6 +115,11 @@ fn what_is_read_ahead_is_there_when_it_is_wanted() {
     let tight = walk("--prefetch 100K --memory 500K");
     assert!(tight["resident_bytes"].iter().all(|bytes| *bytes <= 500.0 * 1024.0));
     folder.chpm("walk in.chpm cam.path --prefetch much").code(2);
+    for memory in ["0", "1K"] {
+        let said = folder.stderr(&format!("walk in.chpm cam.path --memory {memory} --csv none.csv"), 2);
+        assert!(said.contains("needed for the coarsest mesh") && said.contains("allow more"), "{said}");
+        assert!(!folder.path("none.csv").exists());
+    }
 }
 
 /// The triangles of a cut, each by the bits of its corners from the least one on.

@@ -6,11 +6,13 @@ use chpm_format::Chpm;
 use chpm_refine::{Camera, Cut, Hierarchy, View, is_visible, select_by};
 use chpm_synth::{Shape, Synth};
 use serde_json::Value;
+use std::collections::BTreeSet;
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::os::unix::fs::symlink;
 use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 /// `chpm serve` at work; ended when it is dropped.
 pub(super) struct Host {
@@ -86,6 +88,25 @@ fn ranges_of_one_file_are_served_and_nothing_else() {
     }
 }
 
+#[test]
+fn a_model_is_served_whatever_its_name() {
+    let folder = built();
+    for name in ["model", "model.dat", "UP.CHPM", "a.0001.pages"] {
+        fs::copy(folder.path("a.chpm"), folder.path(name)).expect("a copy");
+        let host = Host::start(&folder, name);
+        assert!(host.get(&format!("/{name}"), "").2 == folder.read("a.chpm"), "{name}");
+        for other in ["a.chpm", "model.chpm", "up.chpm", "in.ply"] {
+            assert_eq!(host.get(&format!("/{other}"), "").0, 404, "{name}: {other}");
+        }
+    }
+    // In a folder it is the extension that says what is a model.
+    let host = Host::start(&folder, ". --list");
+    let page = String::from_utf8(host.get("/", "").2).expect("text");
+    assert!(page.contains("UP.CHPM") && !page.contains("model"), "{page}");
+    let answers = ["/UP.CHPM", "/model", "/model.dat"].map(|path| host.get(path, "").0);
+    assert_eq!(answers, [200, 404, 404]);
+}
+
 /// The value of a header of an answer.
 fn header<'a>(head: &'a str, name: &str) -> Option<&'a str> {
     head.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(": ")).map(str::trim)
@@ -102,6 +123,10 @@ fn parts_of_a_file_are_told_from_parts_of_another() {
     assert_eq!(ask(&format!("If-Range: {tag}")).0, 206);
     assert_eq!(ask(&format!("If-Match: {tag}")).0, 206);
     assert_eq!(ask("If-Match: \"another\"").0, 412);
+    // A tag says more than a date.
+    let long_ago = "If-Unmodified-Since: Mon, 01 Jan 2001 00:00:00 GMT";
+    assert_eq!(ask(long_ago).0, 412);
+    assert_eq!(ask(&format!("If-Match: {tag}\r\n{long_ago}")).0, 206);
     assert_eq!(ask("If-None-Match: \"another\"").0, 206);
     assert_eq!(ask(&format!("If-None-Match: \"another\", W/{tag}")).0, 304);
     for other in ["\"another\"", "Mon, 01 Jan 2001 00:00:00 GMT"] {
@@ -113,6 +138,34 @@ fn parts_of_a_file_are_told_from_parts_of_another() {
     let (status, head, _) = ask(&format!("If-Range: {tag}"));
     assert_eq!(status, 200);
     assert_ne!(header(&head, "etag"), Some(&tag[..]));
+}
+
+#[test]
+fn a_file_that_is_replaced_is_not_sent_under_the_tag_of_another() {
+    let folder = built();
+    let models = [folder.read("a.chpm"), folder.read("in.ply")];
+    let host = Host::start(&folder, "a.chpm");
+    let is_over = AtomicBool::new(false);
+    let mut seen = BTreeSet::new();
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            for model in models.iter().rev().cycle().take_while(|_| !is_over.load(Relaxed)) {
+                folder.write("new", model);
+                fs::rename(folder.path("new"), folder.path("a.chpm")).expect("another file");
+            }
+        });
+        for _ in 0..2000 {
+            let (status, head, _) = host.get("/a.chpm", "Range: bytes=0-9\r\n");
+            // The length is the second part of a tag.
+            let tag = header(&head, "etag").and_then(|tag| tag.split('-').nth(1)).map(str::to_owned);
+            let range = header(&head, "content-range").and_then(|range| range.split('/').nth(1));
+            let len = range.and_then(|len| len.parse::<usize>().ok());
+            seen.insert((status, len, tag));
+        }
+        is_over.store(true, Relaxed);
+    });
+    let both = models.iter().map(|model| (206, Some(model.len()), Some(format!("{:x}", model.len()))));
+    assert_eq!(seen, both.collect());
 }
 
 #[test]
@@ -139,7 +192,11 @@ fn odd_ranges_are_answered_as_the_standard_says() {
     for (range, status, content) in [
         ("bytes=-4".to_owned(), 206, Some(format!("bytes {}-{}/{len}", len - 4, len - 1))),
         (format!("bytes=-{}", len + 9), 206, Some(all.clone())),
-        (format!("bytes=0-{}", len + 9), 206, Some(all)),
+        (format!("bytes=0-{}", len + 9), 206, Some(all.clone())),
+        // Beyond 64 bits.
+        ("bytes=0-99999999999999999999".to_owned(), 206, Some(all.clone())),
+        ("bytes=-99999999999999999999".to_owned(), 206, Some(all)),
+        ("bytes=99999999999999999999-".to_owned(), 416, Some(format!("bytes */{len}"))),
         (format!("bytes={len}-"), 416, Some(format!("bytes */{len}"))),
         ("bytes=-0".to_owned(), 416, Some(format!("bytes */{len}"))),
         ("lines=1-2".to_owned(), 200, None),
