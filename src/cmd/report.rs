@@ -101,7 +101,7 @@ fn name(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
-/// What was printed when `file` was built.
+/// The document of the build of `file`.
 fn built(path: &Path, file: &Chpm<MappedFile>, args: &Args) -> Result<Value> {
     let text = json::read(path)?;
     let told = || format!("'{}' is no document of `chpm build --json`", path.display());
