@@ -302,7 +302,7 @@ fn summary(section: &Section) -> made::PlaneSection {
     }
 }
 
-/// What is said of planes whose closed lines cross each other: where, and how many.
+/// Words about planes whose closed lines cross each other: where, and how many.
 fn crossed(planes: impl Iterator<Item = (String, u64)>) -> Option<String> {
     /// Places that are named.
     const NAMED: usize = 5;

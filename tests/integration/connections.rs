@@ -1,8 +1,8 @@
-//! `chpm serve` beyond its limits: too many who ask, who ask nothing, who ask too much, who do not take what they asked for.
+//! `chpm serve` beyond its limits: too many who ask, who ask nothing, who ask too much, who do not take what they asked for. And what `chpm share` leaves alone.
 
 use super::harness::{CHPM, Folder};
-use super::web::Host;
-use std::fs::File;
+use super::web::{Host, built};
+use std::fs::{self, File};
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::process::Command;
@@ -102,4 +102,32 @@ fn who_does_not_take_what_was_asked_for_loses_the_place() {
     assert_eq!(host.get("/view.html", "").0, 503);
     while host.get("/view.html", "").0 != 200 {}
     assert!(rest(&mut idler).len() < 64 << 20);
+}
+
+#[test]
+fn what_cannot_be_shared_leaves_nothing() {
+    let folder = built();
+    let said = folder.stderr("share a.chpm -o new -q --memory 1M", 2);
+    assert!(said.contains("--memory"), "{said}");
+    assert!(!folder.path("new").exists(), "{said}");
+    let said = folder.stderr("share a.chpm -o no/such -q", 2);
+    assert!(said.contains("cannot make a folder in 'no'"), "{said}");
+    // What is somebody else's is as it was.
+    fs::create_dir(folder.path("old")).expect("a folder");
+    folder.write("old/index.html", "mine");
+    let said = folder.stderr("share a.chpm -o old -q --force", 2);
+    assert!(said.contains("'old' has no 'model.chpm'"), "{said}");
+    fs::create_dir(folder.path("old/view")).expect("a folder");
+    let said = folder.stderr("share a.chpm -o old -q --force", 2);
+    assert!(said.contains("'old' holds 'view'"), "{said}");
+    assert_eq!(folder.read("old/index.html"), b"mine");
+    // Nor what lies below a folder of the same name.
+    folder.stdout("share a.chpm -o site -q --split");
+    folder.write("site/model/mine.txt", "mine");
+    let said = folder.stderr("share a.chpm -o site -q --split --force", 2);
+    assert!(said.contains("mine.txt', which this command did not write"), "{said}");
+    assert_eq!(folder.read("site/model/mine.txt"), b"mine");
+    // A build takes more memory than reading does.
+    let said = folder.stderr("share in.ply -o new -q --memory 16M", 2);
+    assert!(said.contains("give it 128M or more"), "{said}");
 }

@@ -60,7 +60,7 @@ impl Drop for Host {
     }
 }
 
-fn built() -> Folder {
+pub(crate) fn built() -> Folder {
     let folder = Folder::new();
     folder.write_mesh("in.ply", &Synth::new(Shape::Isosurface, 6_000, 1).to_mesh());
     folder.stdout("build in.ply -o a.chpm -q --cluster-triangles 512 --pages raw");
@@ -478,34 +478,6 @@ fn a_model_in_pieces_is_the_model() {
     folder.stdout("share a.chpm -o site -q --split --force");
     folder.stdout("share a.chpm -o site -q --force");
     assert!(folder.path("site/model.chpm").exists() && !folder.path("site/model").exists());
-}
-
-#[test]
-fn what_cannot_be_shared_leaves_nothing() {
-    let folder = built();
-    let said = folder.stderr("share a.chpm -o new -q --memory 1M", 2);
-    assert!(said.contains("--memory"), "{said}");
-    assert!(!folder.path("new").exists(), "{said}");
-    let said = folder.stderr("share a.chpm -o no/such -q", 2);
-    assert!(said.contains("cannot make a folder in 'no'"), "{said}");
-    // What is somebody else's is as it was.
-    fs::create_dir(folder.path("old")).expect("a folder");
-    folder.write("old/index.html", "mine");
-    let said = folder.stderr("share a.chpm -o old -q --force", 2);
-    assert!(said.contains("'old' has no 'model.chpm'"), "{said}");
-    fs::create_dir(folder.path("old/view")).expect("a folder");
-    let said = folder.stderr("share a.chpm -o old -q --force", 2);
-    assert!(said.contains("'old' holds 'view'"), "{said}");
-    assert_eq!(folder.read("old/index.html"), b"mine");
-    // Nor what lies below a folder of the same name.
-    folder.stdout("share a.chpm -o site -q --split");
-    folder.write("site/model/mine.txt", "mine");
-    let said = folder.stderr("share a.chpm -o site -q --split --force", 2);
-    assert!(said.contains("mine.txt', which this command did not write"), "{said}");
-    assert_eq!(folder.read("site/model/mine.txt"), b"mine");
-    // A build takes more memory than reading does.
-    let said = folder.stderr("share in.ply -o new -q --memory 16M", 2);
-    assert!(said.contains("give it 128M or more"), "{said}");
 }
 
 #[test]
