@@ -303,5 +303,6 @@ fn the_demo_verifies_and_keeps_its_files_if_asked() {
     assert!(folder.names().is_empty());
     folder.stdout("demo --triangles 5000 --keep here -q");
     folder.stdout("verify here/demo.chpm --against here/demo.ply");
-    assert!(folder.stderr("demo --triangles 5000 --keep here", 2).contains("exists"));
+    let again = folder.stderr("demo --triangles 5000 --keep here", 2);
+    assert!(again.contains("is there already: choose another folder for --keep"), "{again}");
 }

@@ -164,6 +164,8 @@ fn a_file_that_is_replaced_is_not_sent_under_the_tag_of_another() {
         }
         is_over.store(true, Relaxed);
     });
+    // Where it is replaced faster than it is looked at, nothing is sent.
+    seen.remove(&(503, None, None));
     let both = models.iter().map(|model| (206, Some(model.len()), Some(format!("{:x}", model.len()))));
     assert_eq!(seen, both.collect());
 }
