@@ -328,6 +328,16 @@ impl SettingsArgs {
     }
 }
 
+/// Memory that a build is given, if it can stay below that.
+pub(crate) fn build_memory(memory: Bytes) -> Result<Bytes> {
+    let (told, least) = (MemorySize(memory), MemorySize(Bytes(MIN_MEMORY)));
+    ensure!(
+        told.0 >= least.0,
+        "--memory {told} is less than a build can stay below: give it {least} or more"
+    );
+    Ok(memory)
+}
+
 /// The configuration that was asked for.
 pub(crate) fn build_config(
     settings: &SettingsArgs,
@@ -335,17 +345,14 @@ pub(crate) fn build_config(
     overwrite: bool,
 ) -> Result<BuildConfig> {
     let settings = settings.settings()?;
-    let (memory, least) = (resources.storage.memory, MemorySize(Bytes(MIN_MEMORY)));
-    ensure!(
-        memory.0 >= least.0 || resources.any_memory,
-        "--memory {memory} is less than a build can stay below: give it {least} or more"
-    );
+    let memory = resources.storage.memory();
+    let memory = if resources.any_memory { memory } else { build_memory(memory)? };
     Ok(BuildConfig {
         settings,
         resources: Resources {
             // Zero is the library's word for one per processor.
             threads: resources.threads.unwrap_or(0) as usize,
-            memory: resources.storage.memory(),
+            memory,
             work_dir: resources.storage.work_dir.clone(),
             checkpoint: (!resources.no_resume).then(|| Duration::from_secs_f64(resources.checkpoint)),
             keep_work: resources.keep_work,

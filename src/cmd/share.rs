@@ -1,7 +1,7 @@
 //! `chpm share`: a model, and the page that shows it, as a folder for any host of static files.
 
 use super::{Verdict, build, open, relayout, stdout, word};
-use crate::args::{MemorySize, Pages};
+use crate::args::{Pages, build_memory};
 use crate::batch::inputs;
 use crate::folder::OutputFolder;
 use crate::json::{self, made, named};
@@ -13,7 +13,7 @@ use crate::stop::Stop;
 use crate::web::{Given, whole_page};
 use anyhow::{Context, Result, ensure};
 use chpm_build::config::Positions;
-use chpm_build::{BuildConfig, MIN_MEMORY, Resources, Settings};
+use chpm_build::{BuildConfig, Resources, Settings};
 use chpm_extmem::{MappedFile, read_text};
 use chpm_format::Chpm;
 use chpm_mesh::{Bytes, Counted};
@@ -160,13 +160,7 @@ fn write_model(args: &Args, built: Option<&Chpm<MappedFile>>, model: &Path, stop
     let (packed, chained) = (pages != Pages::Raw, pages == Pages::Chained);
     // A page is looked at: digits finer than the model's detail need not be sent.
     let positions = args.positions.unwrap_or(Positions::Auto);
-    let (memory, least) = (args.memory.memory(), Bytes(MIN_MEMORY));
-    ensure!(
-        memory >= least,
-        "--memory {} is less than a build can stay below: give it {} or more",
-        MemorySize(memory),
-        MemorySize(least)
-    );
+    let memory = build_memory(args.memory.memory())?;
     let config = BuildConfig {
         settings: Settings { packed, chained, shown, positions, ..Settings::default() },
         resources: Resources { memory, checkpoint: None, ..Resources::default() },

@@ -2,7 +2,7 @@
 
 use super::build::of;
 use super::{Verdict, open, reading};
-use crate::args::{MemorySize, NormalsArg, StorageArgs};
+use crate::args::{NormalsArg, StorageArgs, build_memory};
 use crate::further::{self, Effort};
 use crate::json::{self, made, named};
 use crate::memory;
@@ -16,9 +16,9 @@ use crate::tight;
 use crate::tolerance::{Tolerance, Unit};
 use anyhow::{Result, ensure};
 use chpm_build::config::{Normals, Texture};
-use chpm_build::{BuildConfig, MIN_MEMORY, Resources, Settings};
+use chpm_build::{BuildConfig, Resources, Settings};
 use chpm_extmem::WorkDir;
-use chpm_mesh::{Bytes, Counted};
+use chpm_mesh::Counted;
 use chpm_refine::{Extraction, Request};
 use chpm_verify::certify::Further;
 use std::io::Write;
@@ -205,13 +205,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 
 /// A build that keeps nothing and leaves nothing out: then what is proven is proven of the source.
 fn config(args: &Args) -> Result<BuildConfig> {
-    let (memory, least) = (args.storage.memory(), Bytes(MIN_MEMORY));
-    ensure!(
-        memory >= least,
-        "--memory {} is less than a build can stay below: give it {} or more",
-        MemorySize(memory),
-        MemorySize(least)
-    );
+    let memory = build_memory(args.storage.memory())?;
     let normals = if args.mesh.no_normals { Normals::None } else { args.normals.normals() };
     let (colors, drop_invalid) = (!args.mesh.no_colors || args.texture_size.is_some(), args.drop_invalid);
     let texture = if args.texture_size.is_some() { Texture::Sheets } else { Texture::FoundForVertices };

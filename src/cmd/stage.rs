@@ -1,7 +1,7 @@
 //! `chpm stage`: a build in steps, each a command; `chpm work`: processes that share them.
 
 use super::{Verdict, stdout};
-use crate::args::{MemorySize, SettingsArgs, StorageArgs};
+use crate::args::{MemorySize, SettingsArgs, StorageArgs, build_memory};
 use crate::config;
 use crate::number;
 use crate::output;
@@ -9,9 +9,9 @@ use crate::progress::Meter;
 use crate::stop::Stop;
 use crate::tile_list::SourceArgs;
 use crate::workflow::{Engine, Workflow};
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result};
 use chpm_build::stage::{self, Condition, Division, MOST_PARTS, Share, Step, StepReport};
-use chpm_build::{FailPoints, MIN_MEMORY, Resources};
+use chpm_build::{FailPoints, Resources};
 use chpm_mesh::Bytes;
 use clap::Parser;
 use std::fs;
@@ -196,11 +196,7 @@ struct ResourceArgs {
 
 impl ResourceArgs {
     fn resources(&self) -> Result<Resources> {
-        let (memory, least) = (self.storage.memory(), Bytes(MIN_MEMORY));
-        ensure!(
-            memory >= least,
-            "--memory {memory} is less than a step can stay below: give it {least} or more"
-        );
+        let memory = build_memory(self.storage.memory())?;
         Ok(Resources {
             threads: self.threads.unwrap_or(0) as usize,
             memory,

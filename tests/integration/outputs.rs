@@ -388,11 +388,7 @@ fn an_output_is_never_a_file_of_an_input() {
         "mtllib own.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n",
     );
     folder.write("own.mtl", "newmtl a\nmap_Kd own.0.jpg\n");
-    let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, 4, 4);
-    encoder.set_color(png::ColorType::Grayscale);
-    encoder.write_header().expect("a header").write_image_data(&[90; 16]).expect("pixels");
-    folder.write("own.0.jpg", &bytes);
+    folder.write("own.0.jpg", super::sheets::png(4, |_, _| vec![90], png::ColorType::Grayscale));
     folder.stdout("build ball.ply -q --cluster-triangles 512 --volume-size 150k -o parts.chpm");
     let kept = ["ball.ply", "ring.ply", "own.bin", "own.mtl", "own.0.jpg", "parts.0001.pages"];
     let before = kept.map(|name| folder.read(name));
