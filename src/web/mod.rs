@@ -39,8 +39,8 @@ pub(crate) const FILES: &[WebFile] = web_files! {
     "text/html; charset=utf-8": "view.html";
     "text/css; charset=utf-8": "view/style.css";
     "text/javascript; charset=utf-8":
-        "view/colors.js", "view/drawing.js", "view/facing.js", "view/glide.js", "view/line.js", "view/main.js", "view/model.js", "view/nest.js", "view/occlusion.js", "view/orbit.js",
-        "view/outline.js", "view/overlay.js", "view/painter.js", "view/panel.js", "view/pick.js", "view/renderer.js", "view/section.js", "view/texture.js", "view/worker.js",
+        "view/ambient.js", "view/colors.js", "view/crossing.js", "view/drawing.js", "view/facing.js", "view/glide.js", "view/line.js", "view/main.js", "view/model.js", "view/nest.js", "view/occlusion.js", "view/orbit.js",
+        "view/outline.js", "view/overlay.js", "view/painter.js", "view/panel.js", "view/pick.js", "view/renderer.js", "view/section.js", "view/sight.js", "view/texture.js", "view/worker.js",
         "chpm/index.js", "chpm/chained.js", "chpm/copies.js", "chpm/decoder.js", "chpm/file.js", "chpm/frustum.js", "chpm/mesh.js", "chpm/packed.js", "chpm/page.js", "chpm/pieces.js", "chpm/prefetched.js", "chpm/records.js",
         "chpm/regions.js", "chpm/select.js", "chpm/sheets.js", "chpm/source.js", "chpm/three.js", "chpm/volumes.js", "chpm/xxh3.js", "chpm/zstd.js";
 };

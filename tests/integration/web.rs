@@ -497,6 +497,8 @@ fn the_reader_and_the_page_pass_their_tests() {
         "facing.test.mjs",
         "source.test.mjs",
         "orbit.test.mjs",
+        "crossing.test.mjs",
+        "occlusion.test.mjs",
         "reader.test.mjs",
         "select.test.mjs",
         "glide.test.mjs",

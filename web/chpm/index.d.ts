@@ -251,10 +251,10 @@ export function distance(most: number): Rule;
 export function level(number: number): Rule;
 /**
  * At most `pixels` of error in an image of `height` rows; `eye` in the model's coordinates, less `origin`; `fov` in degrees, vertical. Beyond one of
- * the `planes` (inner normal of length 1, offset; for points relative to the eye) any error is allowed. With `regions` boxes count, as in the viewer.
+ * the `planes` (inner normal of length 1, offset; for points relative to the eye), and in groups that something `hides` with all that is below, any error is allowed. With `regions` boxes count, as in the viewer.
  * A group with a larger `texel` than the error that is allowed is split for its sheets.
  */
-export function camera(view: { eye: number[]; fov: number; near?: number; height: number; pixels: number; origin?: number[]; planes?: number[][]; regions?: Regions | null; texel?: ((group: Group) => number) | null }): Rule;
+export function camera(view: { eye: number[]; fov: number; near?: number; height: number; pixels: number; origin?: number[]; planes?: number[][]; regions?: Regions | null; texel?: ((group: Group) => number) | null; hides?: ((group: Group) => boolean) | null }): Rule;
 
 /** The cut that a rule gives; tables are fetched as far as it goes. */
 export function select(file: ChpmFile, rule: Rule, options?: { signal?: AbortSignal }): Promise<Member[]>;

@@ -47,16 +47,16 @@ export function level(number) {
 
 /**
  * At most `pixels` of error in an image of `height` rows.
- * @param {{ eye: number[], fov: number, near?: number, height: number, pixels: number, origin?: number[], planes?: number[][], regions?: Regions, texel?: (group) => number }} view `eye` in
+ * @param {{ eye: number[], fov: number, near?: number, height: number, pixels: number, origin?: number[], planes?: number[][], regions?: Regions, texel?: (group) => number, hides?: (group) => boolean }} view `eye` in
  *   the model's coordinates, or relative to `origin` if that is given; `fov` is the vertical angle in degrees. Beyond one of the `planes` (inner normal of
- *   length 1, offset; for points relative to the eye) any error is allowed. With `regions` boxes count, too: the same cut as that of the viewer. A group with
+ *   length 1, offset; for points relative to the eye) any error is allowed, and in groups that something `hides` with all that is below. With `regions` boxes count, too: the same cut as that of the viewer. A group with
  *   a larger `texel` than the error that is allowed is split for its sheets
  */
-export function camera({ eye, fov, near = 0, height, pixels, origin = [0, 0, 0], planes = [], regions = null, texel = null }) {
+export function camera({ eye, fov, near = 0, height, pixels, origin = [0, 0, 0], planes = [], regions = null, texel = null, hides = null }) {
   const at = eye.map((x, axis) => x - origin[axis]);
   const scale = pixels * ((2 * Math.tan((fov * Math.PI) / 360)) / height);
   const bound = (group) => {
-    if (missesGroup(planes, at, group, regions)) return Infinity;
+    if (missesGroup(planes, at, group, regions) || hides?.(group)) return Infinity;
     const { center } = group.sphere;
     const radius = regions ? regions.radius[group.id] : group.sphere.radius;
     const away = norm(center[0] - at[0], center[1] - at[1], center[2] - at[2]);

@@ -1,6 +1,6 @@
 // node cameras.mjs FILE.chpm
 //
-// Shows a file in the page from twenty cameras, and writes for each, as a line of JSON, what the view was and what of the file was drawn. Ends with
+// Shows a file in the page, what is hidden too, from twenty cameras, and writes for each, as a line of JSON, what the view was and what of the file was drawn. Ends with
 // 3, and says why, where there is no browser or no driver for it.
 
 import path from "node:path";
@@ -17,7 +17,7 @@ const file = path.resolve(process.argv[2]);
 const host = await serve([fileURLToPath(new URL("..", import.meta.url)), path.dirname(file)]);
 const browser = await launch();
 const { page } = await newPage(browser);
-await page.goto(`${host.url}/view.html?file=${encodeURIComponent(path.basename(file))}`);
+await page.goto(`${host.url}/view.html?file=${encodeURIComponent(path.basename(file))}&occlusion=off`);
 await rest(page);
 const next = random(11);
 // What it covers is not in the image.

@@ -28,7 +28,7 @@ test("a silhouette touches the free part of the image from within, in its middle
     [[0, 0, 0], [1e-3, 0, 0], [0, 0, 1e-3], [1e-3, 1e-3, 1e-3]],
   ];
   for (const points of bodies) {
-    for (const [width, height, covered] of [[1000, 700, 0], [1000, 700, 240], [400, 800, 0]]) {
+    for (const [width, height, covered] of [[1000, 700, 0], [1000, 700, 240], [400, 800, 0], [800, 10, 0], [10, 800, 0], [16384, 2, 0]]) {
       for (const sight of [[0, 0, -1], [1, 0, 0], [0.3, -0.8, 0.2]]) {
         const camera = orbit(width, height, covered);
         camera.look(sight);

@@ -160,6 +160,42 @@ test("what is outside the image is not drawn, and the picture is the same", { sk
   assert.ok(culled.bytes <= whole.bytes, `${culled.bytes} of ${whole.bytes}`);
 });
 
+test("what is hidden is not drawn, the picture is the same, and what comes into sight is made finer", { skip }, async () => {
+  chpm("build", path.join(folder, "iso.ply"), "-o", path.join(folder, "small.chpm"), "-f", "-q", "--cluster-triangles", "256");
+  const look = async (query, cameras) => {
+    const { page, said } = await newPage(browser);
+    await page.goto(`${host.url}/view.html?file=small.chpm&pixels=0.25${query}`);
+    await page.waitForFunction(() => chpmView.model?.isReady);
+    const seen = [];
+    for (const turn of cameras) {
+      await page.evaluate((turn) => {
+        const { orbit, model } = chpmView;
+        document.getElementById("panel").hidden = true;
+        document.getElementById("budget").value = document.getElementById("budget").max;
+        Object.assign(orbit, { framed: null, target: model.center, distance: 0.5 * orbit.size, turn });
+        orbit.onChange();
+      }, turn);
+      await rest(page);
+      const picture = await page.locator("#canvas").screenshot();
+      seen.push({ ...(await state(page)), picture, cut: await page.evaluate(() => chpmView.drawn.cut.length) });
+    }
+    assert.deepEqual(said, []);
+    await page.close();
+    return seen;
+  };
+  const [all, culled] = [await look("&occlusion=off", [0, 2]), await look("", [0, 2])];
+  for (const [i, { picture, triangles, status }] of culled.entries()) {
+    assert.ok(picture.equals(all[i].picture), `camera ${i}`);
+    assert.ok(status === "settled" && triangles <= all[i].triangles, `${triangles} of ${all[i].triangles}`);
+  }
+  const sum = (views, key) => views.reduce((sum, view) => sum + view[key], 0);
+  assert.ok(sum(culled, "triangles") < 0.8 * sum(all, "triangles"), `${sum(culled, "triangles")} of ${sum(all, "triangles")}`);
+  // What was seen before is of no weight: the same as for whoever looks from there first.
+  const [first] = await look("", [2]);
+  assert.ok(first.picture.equals(culled[1].picture));
+  assert.ok(Math.abs(first.triangles / culled[1].triangles - 1) < 0.1, `${first.triangles}, ${culled[1].triangles}`);
+});
+
 test("the first picture takes few requests", { skip }, async () => {
   host.state.requests.length = 0;
   await show("?file=iso.chpm", async () => {

@@ -33,6 +33,8 @@ let last = null;
 let isAtRest = false;
 let isMeasuring = false;
 let spun = null;
+/** Whether what is hidden is left out; tests compare. */
+let culls = true;
 
 /** For tests, and for whoever embeds the page: what happens, and what is drawn. */
 const state = { status: "empty", message: "", get drawn() { return last; }, get model() { return model; }, get marks() { return overlay.marks; }, get outline() { return outline.found; }, orbit: null };
@@ -52,10 +54,10 @@ function draw(now) {
   const look = settings(model.file.header, last?.error ?? 0);
   const before = last;
   const rest = isAtRest && spun === null;
-  last = model.draw(state.orbit, { ...look, rest });
+  last = model.draw(state.orbit, { ...look, rest, culls });
   overlay.place(state.orbit, model.place.stretch);
   // A turntable never rests: the first outline that can be had is the one that turns.
-  const isCalm = rest || (spun !== null && last.settled && !outline.found);
+  const isCalm = rest || (spun !== null && last.isComplete && !outline.found);
   const plane = model.clipOf(look.clip);
   outline.follow(plane, plane && isCalm ? drawnParts() : null);
   outline.draw(state.orbit, model.place.stretch);
@@ -129,6 +131,7 @@ async function show(source, name, seen, keep = false) {
   const isShown = (then) => (...told) => model === opened && then(...told);
   const hear = {
     changed: isShown(changed),
+    answered: isShown(again),
     damaged: isShown(({ message }) => tell("damaged", (damage = `${message}. The rest of the model is drawn.`))),
     lost: isShown(({ message }) => tell("waiting", `${message}. It is tried again.`)),
     found: isShown(() => (damage ? tell("damaged", damage) : tell("loading"))),
@@ -309,6 +312,7 @@ function start() {
   const query = new URLSearchParams(location.search);
   const asked = Number(query.get("pixels"));
   if (asked > 0) $("pixels").value = Math.log2(asked);
+  culls = query.get("occlusion") !== "off";
   if (query.get("shading") === "flat") $("shading").value = "flat";
   // Where it would lie over most of the model, the panel is only its title until somebody opens it.
   $("panel").open = innerWidth >= 640 && innerHeight >= 320;

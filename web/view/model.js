@@ -6,6 +6,7 @@ import { Borders } from "./facing.js";
 import { Glide } from "./glide.js";
 import { Line } from "./line.js";
 import { Painter } from "./painter.js";
+import { Sight } from "./sight.js";
 import { decoderOfPage } from "./worker.js";
 
 /** Requests that are under way at once; they share the line, and none waits for the answer of another. */
@@ -22,6 +23,7 @@ const STEPS = 6;
 export class Model {
   /**
    * @param hear.changed something came, and the picture is another one
+   * @param hear.answered it is known what is hidden in the last picture
    * @param hear.damaged a part of the file cannot be used
    * @param hear.lost the host cannot be reached; it is asked again, and `hear.found` told when it answers
    * @param memory bytes of the graphics card for pages
@@ -56,6 +58,7 @@ export class Model {
     this.place = { center: this.center, stretch, scale: 2 ** Math.round(Math.log2(this.radius || 1)) };
     await this.#take(this.roots, signal);
     this.painter = this.file.sheets && new Painter(this.file, this.renderer, this.place, this.line, this.hear, this.memory);
+    this.sight = new Sight(this.file, this.place, this.renderer, this.hear.answered);
     this.borders = new Borders(this.file, this.roots, (id) => this.renderer.page(id));
     /** Before, there is nothing to draw, whatever changes. */
     this.isReady = true;
@@ -92,10 +95,10 @@ export class Model {
 
   /**
    * Draws what is there, and fetches what the view wants beside it.
-   * @returns what was drawn, and whether anything is still to come
+   * @returns what was drawn, whether nothing is still to come (`isComplete`), and whether it is known, too, what of that is hidden (`settled`)
    */
-  draw(orbit, { pixels, budget, colorOf, shading, scalar, clip, studio, rest, sheets }) {
-    const { file, renderer } = this;
+  draw(orbit, { pixels, budget, colorOf, shading, scalar, clip, studio, rest, sheets, culls }) {
+    const { file, renderer, sight } = this;
     const { clientWidth: width, clientHeight: height } = renderer.canvas;
     const { stretch } = this.place;
     const eye = orbit.eye().map((x, axis) => x / stretch[axis]);
@@ -106,13 +109,17 @@ export class Model {
     const fine = stretch.every((factor) => factor === 1) ? 1 : 1e-6;
     const painter = sheets ? this.painter : null;
     const texel = painter && ((group) => file.texel(group));
-    const camera = { eye, fov: orbit.fov, near: orbit.range()[0], height: Math.max(height, 1), planes, regions: this.regions, texel };
+    // Of a cut by a plane all is told, also what is hidden.
+    sight.begin(orbit, this.regions, culls && !cutting);
+    const hides = (group) => sight.hides(group);
+    const camera = { eye, fov: orbit.fov, near: orbit.range()[0], height: Math.max(height, 1), planes, regions: this.regions, texel, hides };
     const rule = (times) => cameraRule({ ...camera, pixels: pixels * fine * this.relaxed * times });
     const before = this.relaxed;
     const wanted = this.#wanted(rule, budget);
     const { cut } = selectFromMemory(file, this.roots, rule(1), (id) => renderer.has(id));
     const eased = this.glide.ease(file, cut, pixels * fine * this.relaxed);
-    const seen = eased.filter(({ cluster }) => !missesCluster(planes, eye, file.cluster(cluster)));
+    const inside = eased.filter(({ cluster }) => !missesCluster(planes, eye, file.cluster(cluster)));
+    const seen = rest && sight.knows(eased) ? inside.filter(({ cluster }) => !sight.hidesCluster(file.cluster(cluster))) : inside;
     // A plane across an axis is at its place times the factor of that axis.
     const across = cutting && [cutting[0], cutting[1] * stretch[clip.axis]];
     const borders = shading === "flat" ? null : this.borders;
@@ -123,10 +130,12 @@ export class Model {
     if (drawn.triangles > budget) this.relaxed = Math.min(this.relaxed * 1.25, 1e6);
     else if (this.relaxed > 1 && !isGliding && wanted.count < 0.7 * budget) this.relaxed = Math.max(1, this.relaxed / 1.1);
     const settling = this.relaxed !== before || isGliding;
-    const isComing = this.#fetch(rule, wanted);
+    const isComing = !sight.isReady() || this.#fetch(rule, wanted);
     const isPainting = Boolean(painter) && this.#paint(painter, seen, wanted);
     renderer.shrink(this.memory, new Set([...this.roots, ...wanted.pages]));
-    return { ...drawn, clusters: seen.length, cut, settled: !isComing && !isPainting && !settling, relaxed: this.relaxed, settling };
+    const isComplete = !isComing && !isPainting && !settling;
+    sight.end(eased, isComplete);
+    return { ...drawn, clusters: seen.length, cut, isComplete, settled: isComplete && sight.knows(eased), relaxed: this.relaxed, settling };
   }
 
   /** A plane across an axis of the file, beyond which nothing is drawn: its outer normal and offset. */
@@ -173,7 +182,7 @@ export class Model {
   /** Asks for the sheets of what is drawn and stays so, once nothing else is left to ask for; whether any is still to come. */
   #paint(painter, seen, { cut, waiting }) {
     if (this.isWhole !== Boolean(this.regions) || (waiting.length > 0 && this.records.size > 0)) return true;
-    const ids = seen.map(({ cluster }) => cluster).filter((id) => cut.has(id));
+    const ids = seen.map(({ cluster }) => cluster).filter((id) => cut.has(id) && !this.sight.hidesCluster(this.file.cluster(id)));
     return painter.fetch(ids, AT_ONCE - this.requests - painter.requests);
   }
 

@@ -48,7 +48,7 @@ export class Orbit {
     const borders = [run, rise].map((slope, axis) => [most((p) => p[axis] - p[2] * slope), most((p) => -p[axis] - p[2] * slope), slope]);
     const [near, far] = [-most((p) => -p[2]), most((p) => p[2])];
     // Never among the points, and not at the one point that there may be.
-    const span = Math.max(far - near, ...borders.map(([over, under]) => over + under)) || 1;
+    const span = Math.max(far - near, ...[0, 1].map((axis) => most((p) => p[axis]) + most((p) => -p[axis]))) || 1;
     const away = Math.max(...borders.map(([over, under, slope]) => (over + under) / (2 * slope)), 0.1 * span - near);
     const [x, y] = borders.map(([over, under]) => 0.5 * (over - under));
     const depth = 0.5 * (near + far);

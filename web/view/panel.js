@@ -77,8 +77,12 @@ export function tellDrawn(model, last) {
 export function tellOutline(found) {
   $("save").disabled = !found;
   const of = found?.error > 0 ? `within ${atMost(found.error)} units of the source` : "on the source";
-  list($("outline"), found ? { outline: `${length(found.length)} units`, area: `${length(found.area)} square units`, lines: linesOf(found), points: of } : {});
+  list($("outline"), found ? { outline: `${length(found.length)} units`, area: areaOf(found), lines: linesOf(found), points: of } : {});
   $("outline-note").textContent = found?.error > 0 ? "The drawn mesh is cut. Nothing bounds how far the source's own outline is from this one; chpm section cuts the finest mesh." : "";
+}
+
+function areaOf({ area, crossing }) {
+  return area === null ? `not told: ${whole.format(crossing)} lines cross` : `${length(area)} square units`;
 }
 
 function linesOf({ lines, closed, openEnds }) {

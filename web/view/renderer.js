@@ -1,6 +1,7 @@
 // Draws pages by WebGL 2. A page's vertices are uploaded once, and once more when its sheet comes; the corners of its triangles whenever its position changes.
 
 import { Copies } from "../chpm/index.js";
+import { Ambient } from "./ambient.js";
 import { stops } from "./colors.js";
 import { Occlusion } from "./occlusion.js";
 import { Textures } from "./texture.js";
@@ -127,6 +128,7 @@ export class Renderer {
     if (!gl) throw new Error("this browser has no WebGL 2, which the page draws with");
     Object.assign(this, { gl, canvas, blocks: new Map(), bytes: 0, frame: 0 });
     this.program = program(gl, VERTEX, FRAGMENT);
+    this.ambient = new Ambient(gl, program);
     this.occlusion = new Occlusion(gl, program);
     this.textures = new Textures(gl);
     const names = ["matrix", "eye", "light", "flat_color", "smoothly", "stretch", "clip", "up", "studio", "numbers", "stops", "painted", "sheet"];
@@ -233,6 +235,18 @@ export class Renderer {
     return this.blocks.get(id)?.page;
   }
 
+  /** Pixels of the picture. */
+  size() {
+    const ratio = Math.min(globalThis.devicePixelRatio || 1, 2);
+    return [this.canvas.clientWidth, this.canvas.clientHeight].map((x) => Math.max(1, Math.round(x * ratio)));
+  }
+
+  /** Asks for the farthest depths of the picture that was drawn last, by a matrix. */
+  ask(matrix, then) {
+    const { depths, size } = this.ambient;
+    this.occlusion.ask(depths, size, matrix, then);
+  }
+
   /**
    * Draws a cut; how many triangles that were, and the largest error.
    * @param look `colorOf` a cluster, the `scalar` that colours show with its range, `borders` or null for each triangle by its own plane, the `clip`
@@ -241,10 +255,9 @@ export class Renderer {
   draw(cut, camera, place, { colorOf, scalar = null, borders, sheets = true, clip = null, studio = true, rest = true }) {
     const { gl, canvas, places } = this;
     this.frame += 1;
-    const ratio = Math.min(globalThis.devicePixelRatio || 1, 2);
-    const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((x) => Math.max(1, Math.round(x * ratio)));
+    const [width, height] = this.size();
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
-    this.occlusion.begin(width, height);
+    this.ambient.begin(width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.useProgram(this.program);
@@ -301,7 +314,7 @@ export class Renderer {
     gl.bindVertexArray(null);
     const rise = Math.tan((camera.fov * Math.PI) / 360);
     const range = camera.range().map((x) => x / place.scale);
-    this.occlusion.end(range, camera.aside(), [(rise * width) / height, rise], studio && rest ? (0.05 * camera.size) / place.scale : 0);
+    this.ambient.end(range, camera.aside(), [(rise * width) / height, rise], studio && rest ? (0.05 * camera.size) / place.scale : 0);
     return { triangles, error, painted };
   }
 

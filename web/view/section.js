@@ -160,7 +160,7 @@ function lengthOf(points, isClosed) {
  * What a plane cuts out of clusters.
  * @param {{ page: Page, position: number }[]} drawn
  * @param {[number[], number]} plane a normal of length 1 and an offset, for points of pages
- * @returns lines of points relative to the file's origin, with `length`, and where they are closed `area` and `depth`; what they come to; the largest error of the clusters whose boxes
+ * @returns lines of points relative to the file's origin, with `length`, and where they are closed `area` and `depth`; what they come to, with no area where closed lines cross, as those of solids do that overlap; the largest error of the clusters whose boxes
  *   are crossed, and the corners of those boxes along the plane's axes, or null
  */
 export function section(drawn, plane) {
@@ -178,6 +178,7 @@ export function section(drawn, plane) {
   nest(lines, axes);
   const sum = (of) => lines.reduce((all, line) => all + of(line), 0);
   const closed = lines.filter(({ isClosed }) => isClosed).length;
+  const crossing = lines.filter(({ crosses }) => crosses).length;
   return {
     plane,
     axes,
@@ -187,7 +188,8 @@ export function section(drawn, plane) {
     closed,
     openEnds: 2 * (lines.length - closed),
     length: sum(({ length }) => length),
-    area: sum(({ area, depth }) => (depth % 2 === 0 ? area : -area)),
+    crossing,
+    area: crossing > 0 ? null : sum(({ area, depth }) => (depth % 2 === 0 ? area : -area)),
   };
 }
 
