@@ -2,7 +2,7 @@
 
 use crate::error::Failure;
 use chpm_build::config::{Bounds, Layout, MissingImages, Normals, Texture, Topology};
-use chpm_build::{BuildConfig, MIN_MEMORY, Resources, Settings};
+use chpm_build::{BuildConfig, Division, MIN_MEMORY, Resources, Settings};
 use chpm_format::BoundaryMode;
 use chpm_mesh::{Bytes, MemorySize};
 use pyo3::prelude::*;
@@ -57,8 +57,15 @@ impl Given<'_> {
 /// The configuration of a build.
 pub(crate) fn build_config(given: &Bound<'_, PyDict>) -> Result<BuildConfig, Failure> {
     let given = Given(given.copy()?);
-    let settings = settings(&given)?;
-    let resources = resources(&given)?;
+    let mut settings = settings(&given)?;
+    let mut resources = resources(&given)?;
+    resources.update = given.take("update", |value| value.extract::<PathBuf>())?;
+    if given.is_set("updatable")? || resources.update.is_some() {
+        if resources.checkpoint.is_some() {
+            return Err(refused("updatable", "such a build is not gone on with: leave out resume"));
+        }
+        (settings.division, resources.memo) = (Division::Cubes, true);
+    }
     let overwrite = given.is_set("force")?;
     if let Some(name) = given.0.keys().iter().next() {
         return Err(refused(

@@ -62,6 +62,25 @@ def test_pages_go_to_volumes_and_are_read_from_them(source, tmp_path):
         chpm.build(source, tmp_path / "bad.chpm", volume_size="huge")
 
 
+def test_a_source_that_changes_is_built_anew_where_it_has_changed(tmp_path):
+    source, settings = tmp_path / "torus.ply", {"cluster_triangles": 64}
+    conftest.run("synth", "torus", "--triangles", "20000", "-o", source, "-q")
+    chpm.build(source, tmp_path / "old.chpm", updatable=True, **settings).close()
+    with chpm.open(tmp_path / "old.chpm") as file:
+        mesh = file.select(level=0)
+    vertices = mesh.vertices.copy()
+    vertices[5] += 1e-3
+    chpm.build(vertices, mesh.faces, tmp_path / "nothing.chpm", updatable=True, **settings).close()
+    chpm.build(vertices, mesh.faces, tmp_path / "new.chpm", update=tmp_path / "old.chpm", **settings).close()
+    for name in ["{}.chpm", "{}.chpm.memo"]:
+        assert (tmp_path / name.format("new")).read_bytes() == (tmp_path / name.format("nothing")).read_bytes()
+    with pytest.raises(chpm.FileError, match=r"plain\.chpm\.memo"):
+        chpm.build(source, tmp_path / "plain.chpm", **settings).close()
+        chpm.build(source, tmp_path / "other.chpm", update=tmp_path / "plain.chpm", **settings)
+    with pytest.raises(ValueError, match="updatable: such a build is not gone on with"):
+        chpm.build(source, tmp_path / "x.chpm", updatable=True, resume=True)
+
+
 @pytest.mark.parametrize("settings", SETTINGS, ids=lambda settings: "-".join(settings) or "none")
 def test_a_file_is_built_to_the_bytes_of_the_command(source, tmp_path, settings):
     conftest.run("build", source, "-o", tmp_path / "command.chpm", "-q", *words(settings))

@@ -14,6 +14,9 @@ use std::path::{Path, PathBuf};
 /// The program and version that the files of this one name.
 const GENERATOR: &str = concat!("chpm ", env!("CARGO_PKG_VERSION"));
 
+/// Why a model is built whose source is not as it was.
+pub(crate) const CHANGED: &str = "source changed";
+
 /// Work that a model needs.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Need {
@@ -62,7 +65,7 @@ pub(crate) fn need(
     }
     match input::fingerprint(&files, cancel) {
         Ok(found) if found == (len, hash) => Need::Nothing,
-        Ok(_) => Need::Build("source changed"),
+        Ok(_) => Need::Build(CHANGED),
         Err(_) => Need::Build("source unreadable"),
     }
 }

@@ -6,7 +6,8 @@ use super::inputs::Model;
 use super::summary::{Row, Status, Summary};
 use crate::{cmd, report};
 use anyhow::{Context, Result};
-use chpm_build::{BuildConfig, BuildError, BuildProgress, BuildReport, Cancel};
+use chpm_build::{BuildConfig, BuildError, BuildProgress, BuildReport, Cancel, memo_beside};
+use chpm_extmem::{FailPoints, PartFile};
 use chpm_import::input;
 use chpm_mesh::Bytes;
 use std::any::Any;
@@ -43,17 +44,28 @@ pub(crate) fn plan(
         };
         let is_ours = anew || fingerprint::is_ours(&model.source, &output, before);
         let mut row = row(model, &config, output, need, cancel);
-        if need == Need::Nothing || is_ours {
+        let foreign = match is_ours {
+            true => foreign_memo(&config, &row.output).filter(|_| !anew),
+            false => Some(row.output.clone()),
+        };
+        let Some(foreign) = foreign.filter(|_| need != Need::Nothing) else {
             return Task { config, need, row };
-        }
+        };
         row.status = Status::Failed;
         row.error = Some(format!(
             "'{}' is there, and is not of this source: call the model otherwise in a list, choose another folder, or pass --force",
-            row.output.display()
+            foreign.display()
         ));
         Task { config, need: Need::Nothing, row }
     });
     tasks.collect()
+}
+
+/// What has the name of the memo of an output, and is none.
+fn foreign_memo(config: &BuildConfig, output: &Path) -> Option<PathBuf> {
+    let path = memo_beside(output);
+    let is_there = config.resources.memo && path.symlink_metadata().is_ok();
+    (is_there && PartFile::open(&path, FailPoints::default()).is_err()).then_some(path)
 }
 
 /// What is known of a model before it is built.
@@ -151,6 +163,9 @@ fn make(task: &Task, meter: &dyn BuildProgress, cancel: &Cancel) -> Row {
     (row.status, row.error) = match built {
         Ok(Ok(report)) => {
             row.warnings = report.warnings;
+            if let Some(taken) = report.notes.iter().find(|note| note.starts_with("as before: ")) {
+                row.reason = format!("{}; {taken}", row.reason);
+            }
             if let Some(reached) = report.resumed {
                 row.reason = format!("{}; went on after {reached}", row.reason);
             }
@@ -174,8 +189,17 @@ fn build(row: &Row, config: &BuildConfig, meter: &dyn BuildProgress, cancel: &Ca
             .with_context(|| format!("cannot make the folder '{}'", folder.display()))?;
     }
     // What is replaced is an older result of the same name: the plan has looked at it.
-    let config = BuildConfig { overwrite: true, ..config.clone() };
-    Ok(chpm_build::build(&row.source, &row.output, &config, meter, cancel)?)
+    let mut config = BuildConfig { overwrite: true, ..config.clone() };
+    let build = |config: &BuildConfig| chpm_build::build(&row.source, &row.output, config, meter, cancel);
+    if config.resources.memo && row.reason == fingerprint::CHANGED {
+        config.resources.update = Some(row.output.clone());
+        match build(&config) {
+            // Of a memo that is of no use nothing is taken.
+            Err(BuildError::Part { .. }) => config.resources.update = None,
+            built => return Ok(built?),
+        }
+    }
+    Ok(build(&config)?)
 }
 
 /// Message of a panic.

@@ -14,7 +14,7 @@ use crate::output;
 use crate::progress::line;
 use crate::stop::Stop;
 use anyhow::{Context, Result, bail, ensure};
-use chpm_build::{BuildConfig, Cancel, MIN_MEMORY};
+use chpm_build::{BuildConfig, Cancel, Division, MIN_MEMORY};
 use chpm_extmem::{AtomicFile, Lock};
 use chpm_mesh::{Bytes, Counted};
 use clap::Parser;
@@ -52,6 +52,11 @@ pub(crate) struct Args {
     /// Build everything, also what is up to date
     #[arg(short, long)]
     force: bool,
+    /// Keep what becomes of each part of a model beside it: one whose source changes is then built anew where it has changed
+    ///
+    /// As `build --updatable` and `--update` do, model by model. What is kept is two to three times as long as the models.
+    #[arg(long, conflicts_with_all = ["keep_work", "merge"])]
+    updatable: bool,
     /// No progress
     #[arg(short, long)]
     quiet: bool,
@@ -72,7 +77,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     if args.merge {
         return merge(args);
     }
-    let config = build_config(&args.settings, &args.resources, true)?;
+    let config = config_of(args)?;
     let models = inputs::collect(&args.inputs, io::stdin().lock())?;
     let mine = models.into_iter().filter(|model| args.shard.is_none_or(|shard| shard.has(&model.name)));
     let models = mine.map(|model| own_config(args, &model, &config).map(|config| (model, config)));
@@ -102,6 +107,15 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         Counted(stopped as u64, "model")
     );
     Ok(verdict)
+}
+
+/// How models are built that have no settings of their own.
+fn config_of(args: &Args) -> Result<BuildConfig> {
+    let mut config = build_config(&args.settings, &args.resources, true)?;
+    if args.updatable {
+        (config.settings.division, config.resources.memo) = (Division::Cubes, true);
+    }
+    Ok(config)
 }
 
 /// As many models side by side as were asked for, and as have the least memory each.
@@ -193,7 +207,7 @@ fn own_config(args: &Args, model: &Model, common: &BuildConfig) -> Result<BuildC
     match Cli::try_parse_from(words).map_err(config::flat).with_context(told)?.command {
         Command::Batch(args) => {
             ensure!(!args.merge, "settings cannot merge");
-            build_config(&args.settings, &args.resources, true)
+            config_of(&args)
         }
         _ => bail!("{}: not understood", told()),
     }

@@ -110,6 +110,49 @@ fn a_failure_stops_no_other_and_only_what_is_left_is_built_again() {
     assert!(other.contains("5 planned") && other.contains("other settings"), "{other}");
 }
 
+/// Models that are kept updatable are built anew where they have changed, to the bytes that `build` has.
+#[test]
+fn a_model_whose_source_changes_is_updated_in_its_place() {
+    let folder = scans();
+    fs::remove_file(folder.path("in/bad.ply")).expect("removed");
+    const UPDATABLE: &str = "batch in -o out -q --cluster-triangles 64 --updatable";
+    folder.stdout(UPDATABLE);
+    let reasons = |words: &str| -> Vec<String> {
+        folder.stdout(words);
+        let summary = summary(&folder, "out/summary.json");
+        let rows = summary["models"].as_array().expect("models").iter();
+        rows.map(|row| row["reason"].as_str().expect("a reason").to_owned()).collect()
+    };
+    assert_eq!(reasons(UPDATABLE), ["", "", "", ""]);
+    let change = |name: &str| {
+        let mut mesh = folder.read_mesh(name);
+        mesh.positions[7][2] += 1e-4;
+        folder.write_mesh(name, &mesh);
+        folder.stdout(&format!("build {name} -o nothing.chpm -f -q --cluster-triangles 64 --updatable"));
+    };
+    change("in/b.ply");
+    let reasons_of_b = reasons(UPDATABLE);
+    assert!(reasons_of_b[1].starts_with("source changed; as before: "), "{reasons_of_b:?}");
+    assert!(!reasons_of_b[1].contains(", 0 of "), "{reasons_of_b:?}");
+    assert_eq!((&*reasons_of_b[0], &*reasons_of_b[2]), ("", ""));
+    assert!(folder.read("out/b.chpm") == folder.read("nothing.chpm"));
+    assert!(folder.read("out/b.chpm.memo") == folder.read("nothing.chpm.memo"));
+
+    // Without a memo it is built from nothing, and where something else has its name it is not built.
+    change("in/b.ply");
+    fs::remove_file(folder.path("out/b.chpm.memo")).expect("removed");
+    assert_eq!(reasons(UPDATABLE)[1], "source changed");
+    assert!(folder.read("out/b.chpm.memo") == folder.read("nothing.chpm.memo"));
+    change("in/b.ply");
+    folder.write("out/b.chpm.memo", "mine");
+    let told = text(&folder.chpm(UPDATABLE).code(1).get_output().stdout);
+    assert!(told.contains("b.chpm.memo' is there"), "{told}");
+    assert_eq!(folder.read("out/b.chpm.memo"), b"mine");
+    assert_eq!(reasons(&format!("{UPDATABLE} --force"))[1], "asked for");
+    // A model that was not updatable is another one.
+    assert_eq!(reasons("batch in -o out -q --cluster-triangles 64")[1], "other settings");
+}
+
 /// What a file tells of its source beside its settings is no other setting.
 #[test]
 fn lattices_and_dense_images_are_not_built_again() {

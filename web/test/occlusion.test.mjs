@@ -84,9 +84,9 @@ function staged() {
     size: () => [WIDTH, HEIGHT],
     ask(_, then) {
       this.occlusion.isAsking = true;
-      stage.answer = () => {
+      stage.answer = (comes = true) => {
         this.occlusion.isAsking = false;
-        then({ hides: (low) => stage.hidden(low[0]) });
+        then(comes ? { hides: (low) => stage.hidden(low[0]) } : null);
       };
     },
   };
@@ -144,4 +144,14 @@ test("while the camera moves, what was seen a moment ago is not hidden, and page
   stage.answer();
   frame(11, 701, A);
   assert.ok(sight.isReady());
+});
+
+test("where no answer comes, nothing is hidden, and nothing is waited for", () => {
+  const { stage, sight, frame, heard } = staged();
+  stage.hidden = () => true;
+  frame(0, 0, A);
+  stage.answer(false);
+  assert.equal(heard(), 1);
+  assert.deepEqual(frame(0, 1, B), []);
+  assert.ok(sight.knows(B) && sight.isReady() && !sight.hidesCluster({ boxMin: [1, 0, 0], boxMax: [1, 0, 0] }));
 });

@@ -8,8 +8,8 @@ const SLACK = 2 ** -20;
 const WIDER = 1e-3;
 /** Squares a side that a box is compared with at most. */
 const MOST = 4;
-/** Time from one look whether an answer is there to the next, ms. */
-const LOOK = 4;
+/** Time from one look whether an answer is there to the next, and after which none is waited for, ms. */
+const [LOOK, LONGEST] = [4, 30000];
 
 const WHOLE = `#version 300 es
 void main() {
@@ -105,7 +105,7 @@ export class Occlusion {
   /**
    * Asks for the depths of a picture, a texture of a size.
    * @param matrix that it was drawn by
-   * @param then is told the {@link Pyramid}; not where the graphics card was lost
+   * @param then is told the {@link Pyramid}, or null where none comes; nothing where the graphics card was lost
    */
   ask(depths, [width, height], matrix, then) {
     const { gl } = this;
@@ -131,12 +131,14 @@ export class Occlusion {
     const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     gl.flush();
     this.isAsking = true;
+    const asked = performance.now();
     const look = () => {
       if (gl.isContextLost()) return;
       const state = gl.clientWaitSync(fence, 0, 0);
-      if (state === gl.TIMEOUT_EXPIRED) return void setTimeout(look, LOOK);
+      if (state === gl.TIMEOUT_EXPIRED && performance.now() - asked < LONGEST) return void setTimeout(look, LOOK);
       gl.deleteSync(fence);
       this.isAsking = false;
+      if (state === gl.TIMEOUT_EXPIRED || state === gl.WAIT_FAILED) return void (gl.deleteBuffer(buffer), then(null));
       const bytes = new Uint8Array(4 * size[0] * size[1]);
       gl.bindBuffer(gl.PIXEL_PACK_BUFFER, buffer);
       gl.getBufferSubData(gl.PIXEL_PACK_BUFFER, 0, bytes);

@@ -25,6 +25,7 @@ export class Sight {
     this.seen = new Map();
     /** Pictures since one that was fetched for. */
     this.waited = 0;
+    this.isBlind = false;
     /** By group, what the last answer says. */
     this.told = new Map();
   }
@@ -36,7 +37,7 @@ export class Sight {
     const view = `${width} ${height} ${matrix.join(" ")}`;
     const isSame = this.answer?.view === view;
     if (isSame !== this.isSame || regions !== this.regions) this.told.clear();
-    Object.assign(this, { matrix, view, isSame, regions, isOn, now });
+    Object.assign(this, { matrix, view, isSame, regions, isOn: isOn && !this.isBlind, now });
   }
 
   /** Whether all that is below a group is hidden, as far as anybody knows. */
@@ -92,7 +93,9 @@ export class Sight {
     if (renderer.occlusion.isAsking || (this.isSame && !isComplete) || this.knows(cut)) return;
     this.asked = { view, cut };
     renderer.ask(matrix, (depths) => {
-      this.answer = { depths, view };
+      // A graphics card that does not answer is not asked again.
+      this.isBlind = depths === null;
+      this.answer = depths && { depths, view };
       this.told.clear();
       this.hear();
     });

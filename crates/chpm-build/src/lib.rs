@@ -44,6 +44,7 @@ pub use config::{BuildConfig, Division, Keep, Resources, Settings};
 pub use error::BuildError;
 pub use ids::Ids;
 pub use layout::{MOST_ORDERED, ORDER_BYTES, order_mesh, page_order};
+pub use memo::beside as memo_beside;
 pub use output::{Append, OutputFiles};
 pub use pipeline::{build, build_open};
 pub use progress::{BuildProgress, Stage};

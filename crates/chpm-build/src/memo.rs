@@ -24,8 +24,8 @@ pub(crate) type Key = u128;
 /// Place of a result: its key, where it is, how long it is.
 type Row = (Key, u64, u32);
 
-/// The file beside a model.
-fn beside(model: &Path) -> PathBuf {
+/// The file of results beside a model, as [`Resources::memo`](crate::Resources::memo) has it made.
+pub fn beside(model: &Path) -> PathBuf {
     let mut name = OsString::from(model);
     name.push(".memo");
     PathBuf::from(name)

@@ -59,7 +59,8 @@ def build(*source: Any, name: str = "arrays", progress: Progress | None = None, 
         By the names that options of ``chpm build`` have, ``_`` for ``-``: ``cluster_triangles``, ``partitioner``, ``boundary``, ``topology``,
         ``finest_error``, ``target_error``, ``min_component``, ``seed``, ``texture``, ``missing_images``, ``keep`` (a name, or several), ``drop_invalid``, ``bounds``, ``order``, ``pages``,
         ``volume_size``, ``positions``; ``memory`` (as in ``"4G"``), ``threads``, ``work_dir``; ``force=True`` replaces the output. ``resume=True`` keeps what is done every ``checkpoint`` seconds,
-        so that a build that was ended goes on there; without it an interrupt leaves nothing behind.
+        so that a build that was ended goes on there; without it an interrupt leaves nothing behind. ``updatable=True`` keeps what becomes of each part in a file beside the
+        output, and ``update="old.chpm"`` takes over from there what has not changed; the bytes are those of ``updatable=True``.
 
     Returns
     -------
