@@ -163,8 +163,9 @@ impl Outline {
             return camera;
         }
 
-        // Never among the points, and not at the one point that there may be.
-        let size = [x.0 + x.1, y.0 + y.1, far - near].into_iter().fold(0.0, f64::max);
+        // Never among the points, and not at the one point that there may be. Borders lean, so that what they enclose tells no size.
+        let extent = |axis: usize| most(&|p| p[axis]) + most(&|p| -p[axis]);
+        let size = (0..3).map(extent).fold(0.0, f64::max);
         let size = if size > 0.0 { size } else { 1.0 }.max(least_way(&center));
         let away = x.2.max(y.2).max(0.1 * size - near);
         let middle = |(high, low, _): (f64, f64, f64), slopes: [f64; 2]| {
@@ -289,6 +290,20 @@ mod tests {
                     assert!(most > 1.0 - 1e-9 || !is_across, "{most}");
                 }
             }
+        }
+    }
+
+    /// However wide or high a window is, the camera comes as near.
+    #[test]
+    fn a_model_fills_windows_of_any_shape() {
+        let corners = BOX.corners().map(|corner| corner.map(|x| x as f32).into());
+        let outline = Outline::of_mesh(&corners, &[[0, 1, 2], [3, 4, 5], [5, 6, 7]]);
+        for (across, along) in [(50.0, 1.0), (1000.0, 0.4), (0.4, 1000.0), (0.4, 8e-3)] {
+            let window = Window { across: [-across, across], along: [-along, along] };
+            let camera = outline.fit(&BOX, -Vector3::z(), Vector3::y(), 45.0, window);
+            let reached = extent(&corners, &camera, window);
+            let most = reached.into_iter().map(f64::abs).fold(0.0, f64::max);
+            assert!((most - 1.0).abs() < 1e-9, "{across} by {along}: {reached:?}");
         }
     }
 
