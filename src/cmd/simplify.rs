@@ -151,11 +151,17 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         let (finest, upright) = (ready.finest(), ready.upright.clone());
         let bounds = finest.bounds;
         if let Some(asked) = bound.map(|bound| bound.of(diagonal)) {
+            let (distance, asked) = (f64::from(bounds.distance), Units(asked));
             ensure!(
-                f64::from(bounds.distance) <= asked,
-                "nothing is within {} units: what writing rounds is {}; ask for at least that",
-                Units(asked),
-                AtMost(bounds.distance.into())
+                distance <= asked.0 || distance > 2.0 * rounding,
+                "nothing is within {asked} units: what writing rounds is {}; ask for at least that",
+                AtMost(distance)
+            );
+            ensure!(
+                distance <= asked.0,
+                "'{}' has no mesh that is proven to be within {asked} units: the nearest that was found is within {}",
+                args.source.display(),
+                AtMost(distance)
             );
         }
         let warnings = ready.warnings.clone();

@@ -135,3 +135,20 @@ fn what_remnants_say_is_proven_or_refuted() {
     let told = text(&folder.chpm("verify in.chpm -q").code(1).get_output().stdout);
     assert!(told.contains("I8 vertices") && told.contains("a remnant of the corners"), "{told}");
 }
+
+/// Nothing but dust, more of it in a leaf than is kept apart: what is asked for is there all the same.
+#[test]
+fn a_mesh_of_dust_is_within_what_is_asked() {
+    let folder = Folder::new();
+    folder.stdout("synth odd:tetrahedra --triangles 3000 -o in.ply -q");
+    folder.stdout("build in.ply -q");
+    for share in [0.0, 0.1, 1.0, 20.0] {
+        let told = json(&folder, &format!("extract in.chpm --error {share}% -o out.ply -fq --json"), 0);
+        assert!(told["warnings"].as_array().expect("a list").is_empty(), "{told}");
+        let told = json(&folder, "measure in.ply out.ply --json -q", 0);
+        let (max, diagonal) = (told["max"].as_f64().unwrap(), told["diagonal"].as_f64().unwrap());
+        assert!(max <= 0.01 * share * diagonal * (1.0 + 1e-6), "{share}: {told}");
+    }
+    let simplified = triangles(&folder, "simplify in.ply --within 0.1%");
+    assert!((1..=3000).contains(&simplified), "{simplified}");
+}

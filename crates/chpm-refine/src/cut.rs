@@ -7,7 +7,7 @@ use crate::remnants::Beside;
 use crate::select::{select_by, select_where};
 use crate::splits::{Splits, parents, top_down};
 use chpm_format::{Chpm, ClusterRecord, PageBuf};
-use chpm_mesh::{ClusterId, Level, TriMesh};
+use chpm_mesh::{ClusterId, GroupId, Level, TriMesh};
 
 /// One cluster of a cut.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
@@ -182,18 +182,20 @@ impl Cut {
         )
     }
 
-    /// Components that have vanished are drawn by their remnants, or come back by a split where they have none.
+    /// Components that have vanished are drawn by their remnants, or come back by a split where they have none; at leaves, where nothing is left to split,
+    /// by a smaller error, as by gaps.
     fn with_remnants<D: AsRef<[u8]>, E: From<RefineError>>(
         file: &Chpm<D>,
         hierarchy: &Hierarchy,
         [distance, of_specks]: [f32; 2],
         mut go_on: impl FnMut() -> Result<(), E>,
     ) -> Result<Self, E> {
+        let is_far = |group: GroupId| file.groups()[group.index()].rest > distance;
         let mut cut = select_where(
             file,
             hierarchy,
-            |group| file.groups()[group.index()].rest > distance || hierarchy.wants(group, distance),
-            |_| distance,
+            |group| is_far(group) || hierarchy.wants(group, distance),
+            |group| if is_far(group) { file.gaps(group).error_within(distance) } else { distance },
             |cluster, bound| -> Result<Member, E> {
                 go_on()?;
                 Ok(position(file, cluster, bound)?)
@@ -230,9 +232,13 @@ impl Cut {
     /// units. Components that have vanished count here.
     pub(crate) fn distance_of<D: AsRef<[u8]>>(&self, file: &Chpm<D>, member: &Member, error: f32) -> f32 {
         let group = file.clusters()[member.cluster.index()].group();
+        let gaps = file.gaps(group);
         match &self.beside {
-            Some(beside) => error.max(file.groups()[group.index()].rest).max(beside.far()),
-            None => file.gaps(group).distance(error),
+            // Where less is missing, gaps are the smaller.
+            Some(beside) => {
+                error.max(file.groups()[group.index()].rest.min(gaps.at(error))).max(beside.far())
+            }
+            None => gaps.distance(error),
         }
     }
 

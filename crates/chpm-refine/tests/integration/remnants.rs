@@ -11,6 +11,11 @@ const SIZE: f32 = 0.125;
 
 /// A square of two triangles, of side 100, and specks at these places, which vanish one after the other.
 fn file(specks: &[[f32; 3]]) -> Chpm<Vec<u8>> {
+    file_with(specks, specks.len(), 0.0)
+}
+
+/// The same where only the first `kept` have a remnant, and the others are within `rest` of what is drawn.
+fn file_with(specks: &[[f32; 3]], kept: usize, rest: f32) -> Chpm<Vec<u8>> {
     let count = specks.len();
     let mut positions = vec![[0.0, 0.0, 0.0], [100.0, 0.0, 0.0], [100.0, 100.0, 0.0], [0.0, 100.0, 0.0]];
     let mut triangles = vec![[0, 1, 2], [0, 2, 3]];
@@ -40,6 +45,7 @@ fn file(specks: &[[f32; 3]]) -> Chpm<Vec<u8>> {
         center: record.center,
         radius: record.radius,
         gaps: Gaps { fine: 0.0, base: 1000.0, from: GONE },
+        rest,
         ..GroupRecord::default()
     };
     let remnant = |(speck, [x, y, z]): (usize, &[f32; 3])| Remnant {
@@ -55,7 +61,7 @@ fn file(specks: &[[f32; 3]]) -> Chpm<Vec<u8>> {
         groups: vec![group],
         members: vec![0],
         levels: vec![LevelRecord::default()],
-        remnants: specks.iter().enumerate().map(remnant).collect(),
+        remnants: specks.iter().enumerate().take(kept).map(remnant).collect(),
         ..Tables::default()
     };
     let mut writer = ChpmWriter::begin(Vec::new(), &mut tables).unwrap();
@@ -136,6 +142,21 @@ fn a_speck_costs_a_triangle_where_it_is_too_far() {
     // Whoever chooses by errors draws none, and has the gap.
     let cut = Cut::at_error(&file, 1.0).unwrap();
     assert_eq!((cut.remnants(), cut.distance(&file).unwrap()), (&[][..], 1000.0));
+}
+
+/// Leaves have nothing below them to be split into: where a speck without a remnant would be too far, they are as fine as it takes to have it.
+#[test]
+fn a_speck_without_a_remnant_is_there_where_it_would_be_too_far() {
+    let specks = [[15.0, 40.0, 1.0], [60.0, 40.0, 30.0]];
+    let file = file_with(&specks, 1, 120.0);
+    for distance in [0.0, 0.4, 2.0, 20.0, 119.0, 121.0, 1001.0] {
+        assert_eq!(within(&file, &specks, distance), 0);
+        let triangles = Cut::at_distance(&file, distance).unwrap().triangle_count(&file).unwrap();
+        assert_eq!(triangles, if distance < 120.0 { 4 } else { 2 }, "{distance}");
+    }
+    // What nothing is missing from is near all of it.
+    assert_eq!(Cut::at_level(&file, Level(0)).distance(&file).unwrap(), 0.0);
+    assert_eq!(Cut::at_distances(&file, 0.0, 0.0).unwrap().distance(&file).unwrap(), 0.0);
 }
 
 /// One of a swarm stands for those about it.
