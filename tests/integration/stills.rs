@@ -197,6 +197,42 @@ fn rays_see_what_the_gpu_draws() {
     }
 }
 
+/// What lies on the ground is before it, all over.
+#[test]
+fn a_flat_model_hides_the_ground_below_it() {
+    let folder = Folder::new();
+    let vertices = "-1.1 -0.7 0.3\n1.3 -0.9 0.3\n0.9 1.2 0.3\n-0.8 1.1 0.3\n";
+    let header = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+                  element face 2\nproperty list uchar int vertex_indices\nend_header\n";
+    folder.write("flat.ply", format!("{header}{vertices}3 0 1 2\n3 0 2 3\n"));
+    folder.stdout("build flat.ply -q");
+    for camera in ["0.4,-3.3,2.7", "2.1,1.7,0.9"] {
+        let words = format!(
+            "flat.chpm --camera {camera},0,0,0.3,45 --up z --viewport 120x90 --samples 1 --occlusion 0 --no-shadows \
+             --background 00ff00"
+        );
+        let alone = still(&folder, &words);
+        let above = still(&folder, &format!("{words} --ground"));
+        let drawn: Vec<_> =
+            alone.iter().zip(&above).filter(|(alone, _)| **alone != [0, 255, 0, 255]).collect();
+        let same = drawn.iter().filter(|(alone, above)| alone == above).count();
+        assert!(same == drawn.len() && same > 1000, "{camera}: {same} of {}", drawn.len());
+    }
+}
+
+#[test]
+fn images_that_rays_leave_out_are_told() {
+    let folder = super::sheets::textured();
+    folder.stdout(&format!("build a.obj -o a.chpm {}", super::sheets::BUILD));
+    let told = |words: &str| {
+        folder.stderr(words, 0).contains("colours of vertices, not the images that 'a.chpm' has")
+    };
+    assert!(told("render a.chpm --rays --viewport 32x32 -f -o a.png"));
+    assert!(!told("render a.chpm --rays --viewport 32x32 -f -o a.png --color plain"));
+    assert!(told("report a.chpm -f -o a.html"));
+    assert!(!told("report a.chpm -qf -o a.html"));
+}
+
 #[test]
 fn a_still_says_what_it_took() {
     let folder = ball(20_000);

@@ -241,14 +241,15 @@ impl<'s, 'a, D: AsRef<[u8]> + Sync> Studio<'s, 'a, D> {
         picture.cast.camera += count;
         picture.cast.seen += hits.iter().flatten().count() as u64;
 
-        // The ground, where nothing is before it.
+        // The ground, where nothing is before it. What lies on it is: that its points are below by less than single precision tells nothing.
         let mut spots: Vec<Option<Spot>> = Vec::new();
         if let Some(ground) = self.ground {
             let seen = hits.par_iter_mut().enumerate().map(|(n, hit)| {
                 let way = sight(n as u64);
                 let down = way.dot(&self.sky);
                 let away = (ground - self.sky.dot(&self.eye.at)) / down;
-                let before = hit.is_none_or(|hit| (self.eye.point(hit.point) - self.eye.at).dot(&way) > away);
+                let least = ground - 4.0 * f64::from(f32::EPSILON) * self.size;
+                let before = hit.is_none_or(|hit| self.sky.dot(&self.eye.point(hit.point)) < least);
                 if !(down < 0.0 && before) {
                     return None;
                 }
@@ -325,7 +326,8 @@ impl<'s, 'a, D: AsRef<[u8]> + Sync> Studio<'s, 'a, D> {
                 let (skin, hit) = (self.skins[cluster.index()].as_ref()?, hits[*n as usize]?);
                 let corners = skin.corners(hit.triangle);
                 let at = self.eye.point(hit.point);
-                Some(Spot::new(&self.eye, at, hit.normal, &corners, &sight((*n).into()), self.size))
+                let color = |shares| skin.color(hit.triangle, shares, &self.still.paint);
+                Some(Spot::new(&self.eye, at, hit.normal, &corners, &sight((*n).into()), self.size, color))
             };
             let made: Vec<Option<Spot>> = now.par_iter().map(spot).collect();
             for ((_, n), made) in now.iter().zip(made) {

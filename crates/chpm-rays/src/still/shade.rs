@@ -24,7 +24,7 @@ pub(super) struct Spot {
 const LIFT: f64 = 1e-9;
 
 impl Spot {
-    /// A point of a triangle, seen along `way`. `size` is that of the model, and of its coordinates.
+    /// A point of a triangle, seen along `way`. `size` is that of the model, and of its coordinates; `color` tells that of the corners' shares.
     pub(super) fn new(
         eye: &Eye,
         at: Vector,
@@ -32,6 +32,7 @@ impl Spot {
         corners: &[Corner; 3],
         way: &Vector,
         size: f64,
+        color: impl Fn([f64; 3]) -> [f64; 3],
     ) -> Self {
         let points = [0, 1, 2].map(|i| eye.point(corners[i].at.into()));
         let shares = shares(&points, &at);
@@ -52,7 +53,7 @@ impl Spot {
             let above = normal.dot(&(points[i] - at));
             raised += normal * (shares[i] * above.max(0.0));
         }
-        let color = [0, 1, 2].map(|c| (0..3).map(|i| shares[i] * corners[i].color[c]).sum::<f64>() as f32);
+        let color = color(shares).map(|c| c as f32);
         Spot { at, from: raised + plane * (LIFT * size), normal, plane, color, is_ground: false }
     }
 
@@ -180,10 +181,11 @@ mod tests {
         let eye =
             Eye::new(&Camera::looking([0.0, 0.0, 10.0], [0.0; 3]), [10, 10], 0.0, [1.0; 3], None).unwrap();
         let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-        let corner =
-            |i: usize| Corner { at: points[i].into(), facing: facing[i], color: [0.5, i as f64, 0.0] };
+        let corner = |i: usize| Corner { at: points[i].into(), facing: facing[i] };
+        let color = |shares: [f64; 3]| [0.5, shares[1] + 2.0 * shares[2], 0.0];
         let corners = [corner(0), corner(1), corner(2)];
-        Spot::new(&eye, Vector::new(0.25, 0.5, 0.0), [0.0, 0.0, -1.0], &corners, &-Vector::z(), 1.0)
+        let at = Vector::new(0.25, 0.5, 0.0);
+        Spot::new(&eye, at, [0.0, 0.0, -1.0], &corners, &-Vector::z(), 1.0, color)
     }
 
     #[test]

@@ -21,6 +21,8 @@ pub(super) struct Skin {
     codes: Vec<u32>,
     /// By vertex, or none where there are no colours.
     colors: Vec<[u8; 3]>,
+    /// By vertex, where values are shown instead of colours.
+    values: Vec<f64>,
 }
 
 /// A corner of a triangle that was met.
@@ -28,7 +30,6 @@ pub(super) struct Skin {
 pub(super) struct Corner {
     pub(super) at: Vector,
     pub(super) facing: Facing,
-    pub(super) color: [f64; 3],
 }
 
 impl Skin {
@@ -58,16 +59,16 @@ impl Skin {
                 }
             }
         }
-        let color = |vertex: usize| match paint {
-            Paint::Plain => None,
-            Paint::Own => page.colors.get(vertex).map(|[r, g, b, _]| [*r, *g, *b]),
+        let (mut colors, mut values) = (Vec::new(), Vec::new());
+        match paint {
+            Paint::Plain => {}
+            Paint::Own => colors.extend(page.colors.iter().take(n).map(|[r, g, b, _]| [*r, *g, *b])),
             Paint::Scalar(words, scalar) => {
-                let value = scalar.kind.value(&page.scalars_of(vertex)[words.clone()]);
-                Some(scalar.range.fraction(value).map_or(NONE, viridis))
+                let value = |vertex| scalar.kind.value(&page.scalars_of(vertex)[words.clone()]);
+                values.extend((0..n).map(value));
             }
-        };
-        let colors = (0..n).map_while(color).collect();
-        Skin { triangles, positions: page.positions[..n].to_vec(), codes, colors }
+        }
+        Skin { triangles, positions: page.positions[..n].to_vec(), codes, colors, values }
     }
 
     /// The corners of a triangle, by its place in the page.
@@ -75,12 +76,57 @@ impl Skin {
         self.triangles[triangle as usize].map(|vertex| {
             let vertex = usize::from(vertex);
             let code = self.codes.get(vertex).copied().unwrap_or(FLAT);
-            let color = self.colors.get(vertex).map(|color| color.map(|c| f64::from(c) / 255.0));
-            Corner {
-                at: self.positions[vertex].map(f64::from).into(),
-                facing: Facing::of_code(code),
-                color: color.unwrap_or(PLAIN),
-            }
+            Corner { at: self.positions[vertex].map(f64::from).into(), facing: Facing::of_code(code) }
         })
+    }
+
+    /// The colour of a point of a triangle, by its corners' shares. What is mixed of values is the value, since between two colours of a scale there may be
+    /// others than their mixture; a corner whose value is no number has a colour all the same.
+    pub(super) fn color(&self, triangle: u32, shares: [f64; 3], paint: &Paint) -> [f64; 3] {
+        let corners = self.triangles[triangle as usize].map(usize::from);
+        let of_scale = |value| match paint {
+            Paint::Scalar(_, scalar) => scalar.range.fraction(value).map_or(NONE, viridis),
+            _ => NONE,
+        };
+        let colors = if self.values.is_empty() {
+            let color =
+                |vertex: usize| self.colors.get(vertex).map(|color| color.map(|c| f64::from(c) / 255.0));
+            corners.map(|vertex| color(vertex).unwrap_or(PLAIN))
+        } else {
+            let values = corners.map(|vertex| self.values[vertex]);
+            let mixed: f64 = (0..3).map(|i| shares[i] * values[i]).sum();
+            let colors = if mixed.is_finite() { [mixed; 3] } else { values }.map(of_scale);
+            colors.map(|color| color.map(|c| f64::from(c) / 255.0))
+        };
+        [0, 1, 2].map(|c| (0..3).map(|i| shares[i] * colors[i][c]).sum())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use chpm_mesh::{Scalar, ScalarKind, ScalarRange};
+
+    #[test]
+    fn between_values_there_are_the_colours_of_the_scale() {
+        let mut scalar = Scalar::new("height", ScalarKind::Float64);
+        scalar.range = ScalarRange { low: 0.0, high: 4.0, count: 2 };
+        let paint = Paint::Scalar(0..2, scalar);
+        let skin = |values: [f64; 3]| Skin {
+            triangles: vec![[2, 0, 1]],
+            positions: vec![[0.0; 3]; 3],
+            codes: Vec::new(),
+            colors: Vec::new(),
+            values: values.to_vec(),
+        };
+        let near = |a: [f64; 3], b: [u8; 3]| (0..3).all(|c| (a[c] - f64::from(b[c]) / 255.0).abs() < 1e-9);
+        let two = skin([0.0, 4.0, 2.0]);
+        assert!(near(two.color(0, [0.0, 0.5, 0.5], &paint), viridis(0.5)));
+        assert!(near(two.color(0, [0.5, 0.25, 0.25], &paint), viridis(0.5)));
+        assert!(near(two.color(0, [0.0, 0.75, 0.25], &paint), viridis(0.25)));
+        // Grey is what has no value, and what is near to it.
+        let some = skin([f64::NAN, 4.0, 4.0]);
+        assert!(near(some.color(0, [0.0, 1.0, 0.0], &paint), NONE));
+        assert!(near(some.color(0, [1.0, 0.0, 0.0], &paint), viridis(1.0)));
     }
 }
