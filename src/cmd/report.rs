@@ -56,6 +56,13 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         }
     }
 
+    for (path, file) in [(Some(&args.file), Some(&file)), (args.compare.as_ref(), other.as_ref())] {
+        if let (Some(path), true) = (path, !args.quiet && file.is_some_and(|file| file.header().has_sheets()))
+        {
+            let path = path.display();
+            line(&format!("warning: pictures show colours of vertices, not the images that '{path}' has"));
+        }
+    }
     let cancel = stop.heed();
     let mut inputs = vec![args.file.as_path()];
     inputs.extend(args.compare.as_deref().into_iter().chain(args.built.as_deref()));

@@ -170,6 +170,42 @@ fn colours_of_vertices_tint_or_stay_where_no_image_is() {
     colors.for_each(|(_, color)| assert_eq!(*color, [255, 0, 0, 255]));
 }
 
+/// Those of a glTF multiply: in what vertices have of the image; sheets show the image, and a build says so.
+#[test]
+fn colours_that_do_not_tint_sheets_are_told() {
+    let folder = Folder::new();
+    let numbers = [0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 1].map(|x: i8| f32::from(x).to_le_bytes());
+    let with = |color: [u8; 4]| [&numbers.as_flattened()[..], &color.repeat(3)].concat();
+    let view = |offset: usize, length: usize| serde_json::json!({ "buffer": 0, "byteOffset": offset, "byteLength": length });
+    let column = |view: usize, kind: usize, shape: &str| serde_json::json!({ "bufferView": view, "componentType": kind, "normalized": view == 2, "count": 3, "type": shape });
+    let gltf = serde_json::json!({
+        "asset": { "version": "2.0" }, "scenes": [{ "nodes": [0] }], "nodes": [{ "mesh": 0 }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0, "TEXCOORD_0": 1, "COLOR_0": 2 }, "material": 0 }] }],
+        "materials": [{ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }],
+        "textures": [{ "source": 0 }], "images": [{ "uri": "a.png" }],
+        "buffers": [{ "uri": "a.bin", "byteLength": 72 }],
+        "bufferViews": [view(0, 36), view(36, 24), view(60, 12)],
+        "accessors": [column(0, 5126, "VEC3"), column(1, 5126, "VEC2"), column(2, 5121, "VEC4")],
+    });
+    folder.write("a.gltf", gltf.to_string());
+    folder.write("a.png", image(64));
+    let told = |color: [u8; 4], ways: &str| {
+        folder.write("a.bin", with(color));
+        let told = folder.stdout(&format!("build a.gltf -qf --json {ways}"));
+        let told: serde_json::Value = serde_json::from_str(&told).expect("JSON");
+        told["warnings"].to_string()
+    };
+    let red = [0, 255, 255, 255];
+    let warned = told(red, "--texture sheets");
+    assert!(
+        warned.contains("colours of 3 textured vertices tint") && warned.contains("not in sheets"),
+        "{warned}"
+    );
+    assert_eq!(told(red, "--texture vertices"), "[]");
+    assert!(finest(&folder, "a.chpm").colors.iter().all(|color| color[0] == 0), "they do tint");
+    assert_eq!(told([255; 4], "--texture sheets"), "[]");
+}
+
 #[test]
 fn a_batch_builds_again_when_an_image_has_changed() {
     let folder = textured();

@@ -6,7 +6,7 @@ use crate::json::{self, seen};
 use crate::memory;
 use crate::output;
 use crate::picture::{self, rays};
-use crate::progress::Meter;
+use crate::progress::{Meter, line};
 use crate::report::count;
 use crate::stop::{self, Stop};
 use anyhow::{Context, Result};
@@ -37,6 +37,12 @@ pub(super) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let shown = if let Paint::Scalar(_, scalar) = &paint { Some(scalar) } else { None };
     let legend = legend(args, shown, file.scalars().iter())?;
     let header = file.header();
+    if header.has_sheets() && matches!(paint, Paint::Own) && !args.quiet {
+        line(&format!(
+            "warning: rays show colours of vertices, not the images that '{}' has: leave out --rays to see these",
+            args.file.display()
+        ));
+    }
     let mut stretch = [1.0; 3];
     let mut zero = header.origin;
     let Views { cameras, why, note } = views(args, || {

@@ -23,7 +23,7 @@ use chpm_extmem::{Cached, Column};
 use chpm_format::Source as Provenance;
 use chpm_import::ply::{Coordinates, Invalid, Options, SourceLocation, Tally};
 use chpm_import::{Beside, CornerNormals, Input, SourceError, SourceInfo, Supply};
-use chpm_mesh::{Aabb, Attributes, Scalar, scalar_places};
+use chpm_mesh::{Aabb, Attributes, Counted, Scalar, scalar_places};
 use intake::{Arrays, Far, Marks};
 use local::Local;
 pub(crate) use painted::{Painted, Wedge, place_of};
@@ -158,14 +158,21 @@ impl Came {
             None => (None, None),
         };
         vertices.normals = vertices.normals.or(corner_normals);
-        let (mut images, mut wedges) = (None, None);
+        let (mut images, mut wedges, mut untinted) = (None, None, None);
         if let (Some(mut texels), Some(textures)) = (texels, &read.textures) {
             wedges = texels
                 .kept(textures, supply, context)?
                 .map(|(triangles, tiles)| (triangles, tiles, textures.materials.clone()));
             let own = vertices.colors.as_ref();
             let tiles = wedges.as_ref().map(|(_, tiles, _)| tiles);
-            vertices.colors = Some(texels.finish(textures, tiles, own, count, supply, context)?);
+            let (colors, tints) = texels.finish(textures, tiles, own, count, supply, context)?;
+            vertices.colors = Some(colors);
+            untinted = (tints > 0 && wedges.is_some()).then(|| {
+                let tints = Counted(tints, "textured vertex");
+                format!(
+                    "colours of {tints} tint what becomes of images as colours of vertices, but not in sheets"
+                )
+            });
             images = Some(textures.images.len() as u64);
         }
 
@@ -210,6 +217,7 @@ impl Came {
         let SourceInfo { tally, mut warnings, .. } = read;
         warnings.extend(warning);
         warnings.extend(of_normals);
+        warnings.extend(untinted);
         warnings.extend(painted.as_ref().and_then(Painted::warning));
         let facts = SourceFacts {
             origin,

@@ -10,6 +10,9 @@ use chpm_texture::{Averager, Images, TextureError, TexturedTriangle, Tiles, srgb
 /// Vertices that are coloured at once.
 const WINDOW: usize = 1 << 14;
 
+/// The tint that changes nothing.
+const WHITE: [u8; 4] = [255; 4];
+
 /// Textured triangles of a source, while they come.
 pub(super) struct Texels {
     averager: Averager,
@@ -58,7 +61,8 @@ impl Texels {
         Ok(())
     }
 
-    /// Colours of all vertices; of texels that are there already, images are not decoded again. Their `own` stay where there is no texture, and tint it elsewhere if textures ask for it.
+    /// Colours of all vertices; of texels that are there already, images are not decoded again. Their `own` stay where there is no texture, and tint it elsewhere if textures ask for it: how many
+    /// do that is told.
     pub(super) fn finish(
         self,
         textures: &Textures,
@@ -67,7 +71,7 @@ impl Texels {
         vertices: usize,
         supply: &Supply,
         context: &Context<'_>,
-    ) -> Result<Column<[u8; 4]>, BuildError> {
+    ) -> Result<(Column<[u8; 4]>, u64), BuildError> {
         let images = &textures.images;
         let mut open = |image: u32| images[image as usize].open();
         let mut images = tiles.map_or(Images::Files(&mut open), Images::Tiles);
@@ -75,7 +79,7 @@ impl Texels {
         let averaged = averaged.map_err(|error| failed(error, |image| named(textures, supply, image)))?;
 
         let mut colors = BufferWriter::new(&context.store, "colours of vertices", vertices)?;
-        let (mut scratch, mut own_scratch) = (Vec::new(), Vec::new());
+        let (mut scratch, mut own_scratch, mut tints) = (Vec::new(), Vec::new(), 0);
         for start in (0..vertices).step_by(WINDOW) {
             context.check()?;
             let range = start..vertices.min(start + WINDOW);
@@ -86,14 +90,17 @@ impl Texels {
                     let is_painted = self.painted.as_ref().is_some_and(|set| set.contains(start + at));
                     *color = match (is_painted, textures.tints) {
                         (false, _) => *own,
-                        (true, true) => tinted(*color, *own),
+                        (true, true) => {
+                            tints += u64::from(*own != WHITE);
+                            tinted(*color, *own)
+                        }
                         (true, false) => *color,
                     };
                 }
             }
             colors.extend_from_slice(&block)?;
         }
-        Ok(colors.finish_column()?)
+        Ok((colors.finish_column()?, tints))
     }
 }
 
