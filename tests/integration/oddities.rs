@@ -147,6 +147,29 @@ fn a_name_that_is_no_text_is_built_like_others() {
     assert!(rows.len() == 2 && rows.iter().all(|row| row["status"] == "current"), "{again}");
 }
 
+/// In the texts of an OBJ as in its folder, names are bytes of whatever code.
+#[test]
+fn images_and_libraries_have_names_in_any_code() {
+    let folder = Folder::new();
+    let [library, image] = [&b"m\xe4dchen.mtl"[..], &b"t\xfcr.png"[..]];
+    let text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3\n";
+    folder.write("a.obj", [&b"mtllib "[..], library, b"\n", text].concat());
+    let put = |name: &[u8], bytes: &[u8]| {
+        fs::write(folder.path("").join(OsStr::from_bytes(name)), bytes).expect("a file")
+    };
+    put(library, &[&b"newmtl a\nmap_Kd "[..], image, b"\n"].concat());
+    let told = || {
+        let told = folder.stdout("build a.obj -qf --json");
+        serde_json::from_str::<Value>(&told).expect("JSON")["warnings"].to_string()
+    };
+    assert!(told().contains("is not there"), "{}", told());
+    put(image, &super::sheets::png(32, |_, _| vec![200, 10, 10], png::ColorType::Rgb));
+    assert_eq!(told(), "[]");
+    // Which of two it is cannot be told apart.
+    put(b"t\xf6r.png", b"");
+    assert!(told().contains("is not there"), "{}", told());
+}
+
 #[test]
 fn colours_that_are_asked_for_and_left_out_are_refused() {
     let folder = Folder::new();

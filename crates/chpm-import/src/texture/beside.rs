@@ -2,8 +2,10 @@
 
 use crate::error::SourceError;
 use crate::supply::Supply;
-use std::io;
 use std::path::{Component, Path, PathBuf};
+use std::{fs, io};
+
+const ABSENT: &str = "is not there";
 
 /// Finds the file that the one at `from` calls `name`. A name that leads out of the folder, as those of other machines do, stands for
 /// the file of that name beside it.
@@ -22,7 +24,30 @@ pub(crate) fn find(name: &str, from: &Path) -> Result<PathBuf, String> {
             Err(error) => refused = refused.or(Some(why(&error))),
         }
     }
+    if let Some(found) = in_bytes(&name, &from.with_file_name("")) {
+        return Ok(found);
+    }
+    let refused = match refused {
+        Some(why) if why == ABSENT && !is_below(&name) => Some("is outside the source's folder".to_owned()),
+        refused => refused,
+    };
     Err(refused.unwrap_or_else(|| "has no name".to_owned()))
+}
+
+/// The one file of a folder whose name in bytes that are no UTF-8 reads like this: texts in other codes were read so, too.
+fn in_bytes(name: &str, folder: &Path) -> Option<PathBuf> {
+    let lost = char::REPLACEMENT_CHARACTER;
+    let path = Path::new(name);
+    let last = path.file_name()?.to_str().filter(|last| last.contains(lost))?;
+    let within = folder.join(path.parent().filter(|_| is_below(name))?);
+    let within = if within.as_os_str().is_empty() { PathBuf::from(".") } else { within };
+    let entries = fs::read_dir(within).into_iter().flatten().flatten();
+    let mut alike = entries.filter(|entry| {
+        let name = entry.file_name();
+        name.to_str().is_none() && name.to_string_lossy() == last
+    });
+    let found = alike.next().filter(|_| alike.next().is_none())?.path();
+    Supply::file(&found).is_ok().then_some(found)
 }
 
 /// Whether a name leads to something in a folder or below.
@@ -34,9 +59,7 @@ fn is_below(name: &str) -> bool {
 
 fn why(error: &SourceError) -> String {
     match error {
-        SourceError::Read { source, .. } if source.kind() == io::ErrorKind::NotFound => {
-            "is not there".to_owned()
-        }
+        SourceError::Read { source, .. } if source.kind() == io::ErrorKind::NotFound => ABSENT.to_owned(),
         SourceError::Read { source, .. } => format!("cannot be read: {source}"),
         SourceError::NotAFile { what, .. } => format!("is {what}"),
         error => error.to_string(),
@@ -46,7 +69,6 @@ fn why(error: &SourceError) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::fs;
 
     #[test]
     fn names_of_all_systems_lead_to_files_beside() {
@@ -71,7 +93,8 @@ mod tests {
         for (name, told) in [
             ("other.png", "is not there"),
             ("maps", "is a folder"),
-            ("../outside.png", "is not there"),
+            ("../outside.png", "is outside the source's folder"),
+            ("C:\\maps\\other.png", "is outside the source's folder"),
             ("..", "is a folder"),
             ("a/..", "is a folder"),
             ("", "is a folder"),
