@@ -95,6 +95,8 @@ fn one_sided(
     progress: &(dyn Fn(u64) + Sync),
     go_on: &(dyn Fn() -> bool + Sync),
 ) -> Option<Side> {
+    // Where nothing has an area, all samples count alike.
+    let weight = |area| if samples.has_area() { area } else { 1.0 };
     let tallies = Block::all(samples).map(|block| {
         let parts = block.part_count() as u64;
         if !go_on() {
@@ -103,8 +105,8 @@ fn one_sided(
         let tallies: Vec<Tally> = block.sweep(
             samples,
             Last::default,
-            |last, point, area| if go_on() { last.distance(to, point, area) } else { f64::INFINITY },
-            |tally: &mut Tally, point, area, distance| tally.add(point, distance, area),
+            |last, point, area| if go_on() { last.distance(to, point, weight(area)) } else { f64::INFINITY },
+            |tally: &mut Tally, point, area, distance| tally.add(point, distance, weight(area)),
         );
         progress(parts);
         tallies
@@ -166,6 +168,20 @@ mod tests {
         assert_eq!((result.forward.at, result.backward), (Some([0.0; 3]), lifted));
         // 16 vertices, 33 edges with 3 or 4 samples, 18 triangles with 5.
         assert!(result.forward.samples >= 16 + 33 * 3 + 18 * 5, "{result:?}");
+    }
+
+    /// Triangles may be no more than lines: these are as far from each other as they are.
+    #[test]
+    fn meshes_without_area_have_a_mean() {
+        let line = TriMesh::new(vec![[0.0; 3], [1.0, 0.0, 0.0], [4.0, 0.0, 0.0]], vec![[0, 1, 2]]);
+        let result = deviation(&line, &moved(&line, [0.0, 0.0, 0.5]), 5);
+        for side in [result.forward, result.backward] {
+            assert_eq!((side.max, side.mean, side.rms), (0.5, 0.5, 0.5));
+        }
+        // Of a triangle as thin as can be, two sevenths lie beyond the line's end, 4/3 away in the mean.
+        let longer = TriMesh::new(vec![[0.0; 3], [1.0, 0.0, 0.0], [8.0, 0.0, 0.0]], vec![[0, 1, 2]]);
+        let beyond = deviation(&longer, &line, 2000).forward;
+        assert!(beyond.max == 4.0 && (beyond.mean - 8.0 / 21.0).abs() < 0.04, "{beyond:?}");
     }
 
     #[test]

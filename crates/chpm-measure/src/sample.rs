@@ -83,6 +83,11 @@ impl<'a> Sampler<'a> {
         }
     }
 
+    /// Whether any triangle has an area.
+    pub fn has_area(&self) -> bool {
+        self.total_area > 0.0
+    }
+
     /// Vertices to sample.
     pub fn vertex_count(&self) -> usize {
         self.vertices.len()

@@ -9,9 +9,9 @@ pub struct Side {
     pub max: f64,
     /// The sample that is so far away; none without samples.
     pub at: Option<[f64; 3]>,
-    /// The mean over the surface, by area.
+    /// The mean over the surface, by area; over samples alike, if it has none.
     pub mean: f64,
-    /// The root of the mean square over the surface, by area.
+    /// The root of the mean square, likewise.
     pub rms: f64,
     /// Samples taken.
     pub samples: u64,
