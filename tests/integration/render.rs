@@ -59,6 +59,25 @@ fn a_folder_of_the_session_is_not_missed() {
     assert_eq!(folder.read("a.png"), folder.read("b.png"));
 }
 
+/// Single precision puts points of a face on either side of the plane that it lies in: it is kept, and has no stripes.
+#[test]
+fn what_lies_in_a_clipping_plane_is_left() {
+    let folder = Folder::new();
+    folder.write("a.obj", "v -1.1 -0.7 0.25\nv 1.3 -0.9 0.25\nv 0.9 1.2 0.25\nv -0.8 1.1 0.25\nf 1 2 3 4\n");
+    folder.stdout("build a.obj -o a.chpm -q");
+    for eye in ["0.3,-5.1,3.7", "2.9,1.3,0.9", "-4.7,3.1,2.3"] {
+        let draw = |clip: &str| {
+            let words =
+                format!("render a.chpm --camera {eye},0.1,0.2,0.25,45 --viewport 200x150 --samples 1 {clip}");
+            folder.stdout(&format!("{words} -f -o a.png"));
+            folder.read("a.png")
+        };
+        let whole = draw("");
+        assert!(["--clip z:0.25", "--clip -z:0.25"].iter().all(|clip| draw(clip) == whole), "{eye}");
+        assert!(draw("--clip z:0.2499") != whole, "{eye}");
+    }
+}
+
 #[test]
 fn packed_pages_draw_what_raw_ones_draw() {
     let folder = built();

@@ -197,7 +197,7 @@ fn rays_see_what_the_gpu_draws() {
     }
 }
 
-/// What lies on the ground is before it, all over.
+/// The ground is behind all of a model that lies on it.
 #[test]
 fn a_flat_model_hides_the_ground_below_it() {
     let folder = Folder::new();

@@ -43,6 +43,8 @@ pub struct CameraUniform {
     /// Upward direction of the model, and how far above the eye (below: negative) its lowest corner is along that.
     sky: (Vector3<f64>, f64),
     diagonal: f64,
+    /// How far the farthest corner of the model is from the eye.
+    reach: f64,
     /// Where the key light is, degrees to the right of the eye and above it.
     light: [f64; 2],
     /// The plane beyond which nothing is drawn, if that is asked for: its normal, and its place relative to the eye.
@@ -68,6 +70,11 @@ impl CameraUniform {
             shift: [0.0; 2],
             sky: sky(camera, bounds),
             diagonal,
+            reach: bounds
+                .corners()
+                .map(|corner| (corner - Point3::from(camera.position)).norm())
+                .into_iter()
+                .fold(0.0, f64::max),
             light: Look::LIGHT,
             clip: (Vector3::zeros(), 1.0),
             stretch: Vector3::from([1.0; 3]),
@@ -78,7 +85,9 @@ impl CameraUniform {
     pub fn of_request(self, request: &FrameRequest, origin: [f64; 3]) -> Self {
         let clip = request.clip.map(|clip| {
             let normal = Vector3::from(clip.normal());
-            (normal, clip.offset_from(origin) - normal.dot(&self.eye.coords))
+            // What lies in the plane is kept, although singles of points between corners lie on either side.
+            let margin = 8.0 * f64::from(f32::EPSILON) * self.reach;
+            (normal, clip.offset_from(origin) - normal.dot(&self.eye.coords) + margin)
         });
         CameraUniform { light: request.look.light, clip: clip.unwrap_or(self.clip), ..self }
     }
