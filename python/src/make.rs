@@ -10,6 +10,7 @@ use chpm_build::config::Texture;
 use chpm_build::{BuildConfig, BuildError};
 use chpm_extmem::{Cancel, WorkDir, same_file};
 use chpm_import::SourceError;
+use chpm_refine::{Request, Shortfall};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::fs;
@@ -46,6 +47,11 @@ impl Source {
             }
         }
         Ok(())
+    }
+
+    fn name(&self) -> &Path {
+        let (Source::Path(name) | Source::Open((_, name))) = self;
+        name
     }
 }
 
@@ -99,13 +105,21 @@ pub(crate) fn simplify(
         let place = config.resources.work_dir.clone().unwrap_or_else(std::env::temp_dir);
         // All of the work is in one folder, so that all of it goes.
         let folder = WorkDir::create(&place)?;
-        let model = folder.path().join("model.chpm");
+        let (model, name) = (folder.path().join("model.chpm"), source.name().to_owned());
         source.build(&model, &config, board, cancel)?;
-        let model = Model::open(model)?;
+        // What is told is told of the mesh: nobody knows of the file.
+        let model = Model { path: name, ..Model::open(model)? };
         let effort = chpm_reduce::level(effort, model.file.header().source_triangle_count);
         let memory = config.resources.memory.0;
         let further = Further { effort, memory, pool: &pool, progress: board, cancel };
         let selected = selection::simplified(&model, &asked, &further)?;
+        let diagonal = model.file.header().aabb().diagonal();
+        if let (Request::Within(bound), Some(distance)) = (asked.request(&model.file)?, selected.distance)
+            && f64::from(distance) > bound.of(diagonal)
+        {
+            let shortfall = Shortfall::Error { asked: bound, least: distance };
+            return Err(Failure::Asked(shortfall.describe(model.path.display(), diagonal)));
+        }
         Ok((selected, model.file.header().origin))
     })?;
     let origin = crate::view::row(py, origin.to_vec());

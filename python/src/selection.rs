@@ -95,7 +95,7 @@ pub(crate) struct Selected {
     carried: Attributes,
     scalars: Vec<Scalar>,
     error: f32,
-    distance: Option<f32>,
+    pub(crate) distance: Option<f32>,
     clusters: usize,
     pub(crate) shortfall: Option<String>,
     textured: Option<Textured>,

@@ -354,6 +354,18 @@ def test_a_simplified_mesh_is_what_the_command_writes(source, tmp_path):
         chpm.simplify(points, triangles=3)
 
 
+def test_a_simplified_mesh_is_within_or_there_is_none(tmp_path):
+    dust = tmp_path / "dust.ply"
+    conftest.run("synth", "odd:tetrahedra", "--triangles", 3000, "-o", dust, "-q")
+    diagonal = np.linalg.norm(np.ptp(chpm.simplify(dust, triangles=3000).vertices, axis=0))
+    for effort in [0, 1]:
+        mesh = chpm.simplify(dust, within="0.1%", effort=effort)
+        assert mesh.distance <= 1e-3 * diagonal and 0 < mesh.triangle_count <= 3000
+    # What is missing is told by the name that was given.
+    told = chpm.simplify(dust, triangles=10**6).shortfall
+    assert str(dust) in told and "model.chpm" not in told
+
+
 def test_a_verification_is_that_of_the_command(source, tmp_path):
     out = tmp_path / "out.chpm"
     chpm.build(source, out, cluster_triangles=512).close()
