@@ -175,7 +175,7 @@ fn colours_of_vertices_tint_or_stay_where_no_image_is() {
 fn colours_that_do_not_tint_sheets_are_told() {
     let folder = Folder::new();
     let numbers = [0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 1].map(|x: i8| f32::from(x).to_le_bytes());
-    let with = |color: [u8; 4]| [&numbers.as_flattened()[..], &color.repeat(3)].concat();
+    let with = |color: [u8; 4]| [numbers.as_flattened(), &color.repeat(3)].concat();
     let view = |offset: usize, length: usize| serde_json::json!({ "buffer": 0, "byteOffset": offset, "byteLength": length });
     let column = |view: usize, kind: usize, shape: &str| serde_json::json!({ "bufferView": view, "componentType": kind, "normalized": view == 2, "count": 3, "type": shape });
     let gltf = serde_json::json!({
