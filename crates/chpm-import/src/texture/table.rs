@@ -27,7 +27,7 @@ pub(crate) struct Table {
     files: Vec<PathBuf>,
     lost: u64,
     told: Vec<String>,
-    /// What leaves faces without an image though there are images, in words, and how often there is more.
+    /// Reasons for faces without an image where there are images, in words, and how many more there are.
     lacks: (Vec<String>, u64),
     bytes: u64,
     /// Memory for all of it, where it is kept.
