@@ -212,7 +212,7 @@ enum TextureArg {
 enum MissingArg {
     /// Their triangles are grey, with a warning; so are those of images that are neither PNG nor JPEG
     Grey,
-    /// They are an error
+    /// They are an error, and so are names of materials and images that there are not
     Refuse,
 }
 

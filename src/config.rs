@@ -99,6 +99,11 @@ pub(crate) fn layers(args: &ConfigArgs, source: Option<&Path>) -> Result<Vec<Lay
     Ok(layers)
 }
 
+/// Where settings come from, in words.
+pub(crate) fn origins(layers: &[Layer]) -> String {
+    layers.iter().map(|layer| layer.from.as_str()).collect::<Vec<_>>().join(", ")
+}
+
 /// The text of a file that people write, of so many bytes at most. What is no regular file may have no end.
 pub(crate) fn text(path: &Path, most: Bytes) -> Result<String> {
     let (name, told) = (path.display(), || format!("cannot read '{}'", path.display()));
@@ -125,15 +130,24 @@ pub(crate) fn merged(
     words: &[OsString],
     layers: &[Layer],
 ) -> Result<(Vec<OsString>, BTreeMap<String, String>)> {
-    let matches = Cli::command().try_get_matches_from(words)?;
-    let mut taken = matches.subcommand().map(|(_, verb)| typed(verb)).unwrap_or_default();
-    let value = |of: &str| matches.subcommand().and_then(|(_, verb)| verb.get_raw(of)?.next()?.to_str());
+    let mut command = Cli::command();
+    let matches = command.try_get_matches_from_mut(words)?;
+    // The verb, or the step of one, and the words up to there.
+    let (mut verb, mut own, mut depth) = (&matches, &command, 1);
+    while let Some((name, inner)) = verb.subcommand() {
+        (verb, own, depth) = (inner, own.find_subcommand(name).unwrap_or(own), depth + 1);
+    }
+    let known: BTreeSet<&str> = own.get_arguments().filter_map(clap::Arg::get_long).collect();
+    let mut taken = typed(verb);
+    let value = |of: &str| verb.get_raw(of)?.next()?.to_str();
     if taken.contains("texture") && value("texture") != Some("none") {
         taken.insert("no-colors".to_owned());
     }
     let (mut added, mut origins) = (Vec::new(), BTreeMap::new());
     for layer in layers {
-        let free: Vec<_> = layer.settings.iter().filter(|(name, _)| is_free(name, &taken)).collect();
+        // A step has all settings, and fewer resources.
+        let is_meant = |name: &str| is_free(name, &taken) && (depth < 3 || known.contains(name));
+        let free: Vec<_> = layer.settings.iter().filter(|(name, _)| is_meant(name)).collect();
         for (name, values) in free {
             added.extend(values.iter().map(|value| {
                 let equals = if value.is_empty() { "" } else { "=" };
@@ -145,7 +159,7 @@ pub(crate) fn merged(
     }
     let mut words = words.to_vec();
     // Behind the verb.
-    words.splice(2..2, added);
+    words.splice(depth..depth, added);
     Ok((words, origins))
 }
 
@@ -231,6 +245,10 @@ mod tests {
             of("chpm build x.ply --topology change"),
             "chpm build --prune-exact --seed=3 --pages=packed x.ply --topology change"
         );
+        // A step of `stage` has no checkpoint.
+        let step = [layer("file", &[("seed", "3"), ("no-resume", ""), ("threads", "2")])];
+        let (typed, _) = merged(&words("chpm stage plan x.ply -o x --threads 4"), &step).unwrap();
+        assert_eq!(typed.join(" ".as_ref()), "chpm stage plan --seed=3 x.ply -o x --threads 4");
         let colors = [layer("file", &[("no-colors", "")]), layer("preset", &[("texture", "sheets")])];
         for (typed, expected) in [
             ("chpm build x.ply", "chpm build --no-colors x.ply"),

@@ -15,7 +15,8 @@ pub(crate) struct SourceArgs {
     /// The mesh: a file, a pipe, - for standard input, or several tiles
     ///
     /// {meshes}. Several sources are tiles of one model: they share a frame, and vertices of different files in one place become one. A list of them
-    /// is left beside the output, as scan.tiles for scan.chpm: whatever reads a mesh reads it.
+    /// is left beside the output, as scan.tiles for scan.chpm: whatever reads a mesh reads it. Commands of a workflow each read it, so that there it is
+    /// files alone.
     #[arg(value_name = "SOURCE", required = true)]
     sources: Vec<PathBuf>,
     /// Of several sources: join vertices of different files that are this near, in their units

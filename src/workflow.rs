@@ -1,6 +1,8 @@
 //! The steps of a build as a workflow for an engine: Snakemake, Slurm, HyperQueue.
 
 use crate::cmd::word;
+use crate::escape::{escaped, in_line};
+use anyhow::{Result, bail};
 use chpm_build::stage::{Share, Step};
 use chpm_mesh::Bytes;
 use clap::ValueEnum;
@@ -59,12 +61,27 @@ const BYTES: [(&str, f64); 6] = [
 
 impl Workflow {
     /// The text for an engine.
-    pub(crate) fn text(&self, engine: Engine) -> String {
-        match engine {
+    ///
+    /// # Errors
+    /// A name that the engine would read as another one.
+    pub(crate) fn text(&self, engine: Engine) -> Result<String> {
+        for path in self.sources.iter().chain([&self.output]) {
+            let shown = path.display();
+            // Such characters do not come through the shell, a terminal or an editor as they are.
+            if path.to_str().is_none_or(|text| escaped(text) != text) {
+                bail!("'{shown}' has characters in its name that a script cannot hold; rename it");
+            }
+            if engine == Engine::Snakemake && shown.to_string().contains(['{', '}']) {
+                bail!(
+                    "'{shown}' has braces in its name, which Snakemake takes for a wildcard; rename it, or write the workflow for another engine"
+                );
+            }
+        }
+        Ok(match engine {
             Engine::Snakemake => self.snakemake(),
             Engine::Slurm => self.slurm(),
             Engine::Hyperqueue => self.hyperqueue(),
-        }
+        })
     }
 
     fn phases(&self) -> Vec<Phase> {
@@ -138,16 +155,16 @@ impl Workflow {
     fn head(&self, how: &str) -> String {
         format!(
             "# Builds {} from {} in {} parts, {} levels of which are simplified in parts: about {} triangles.\n#\n{how}\n",
-            self.output.display(),
+            in_line(&self.output.display().to_string()),
             match self.sources.as_slice() {
-                [one] => one.display().to_string(),
+                // A line break would end the comment.
+                [one] => in_line(&one.display().to_string()).into_owned(),
                 several => format!("{} tiles", several.len()),
             },
             self.parts,
             self.levels,
             self.triangles
         )
-        .replace('\r', " ")
     }
 
     fn snakemake(&self) -> String {
@@ -155,9 +172,10 @@ impl Workflow {
             "#   snakemake -s THIS --cores 4\n#\n# Here that runs on this machine; with an executor plugin and a profile of yours the same file runs on a cluster, where all\n\
              # must see the source and the folder. What is there is not made again. A part that is damaged is named: delete it.",
         );
+        let at = |name: String| quoted(&self.folder.join(name).display().to_string());
         let file = |step: Step| match step {
             Step::Finish => quoted(&self.output.display().to_string()),
-            step => quoted(&self.folder.join(step.file()).display().to_string()),
+            step => at(step.file()),
         };
         let _ = writeln!(
             text,
@@ -171,8 +189,11 @@ impl Workflow {
                 }
                 step => step.inputs(self.parts, self.levels).into_iter().map(file).collect(),
             };
-            let (first, name) = (file(phase.first), &phase.name);
-            let output = if phase.is_parted { first.replace("-1-of-", "-{i}-of-") } else { first };
+            let name = &phase.name;
+            let output = match phase.is_parted {
+                true => at(phase.first.file().replace("-1-of-", "-{i}-of-")),
+                false => file(phase.first),
+            };
             let (minutes, disk) = self.takes(&phase);
             let command = self.command(&phase, "{wildcards.i}");
             let command = match phase.is_parted {
@@ -248,7 +269,8 @@ fn word_of(text: &str) -> String {
 
 /// A text as a string of Python.
 fn quoted(text: &str) -> String {
-    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
+    let text = text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n").replace('\t', "\\t");
+    format!("\"{text}\"")
 }
 
 #[cfg(test)]
@@ -273,7 +295,7 @@ mod tests {
     #[test]
     fn every_step_is_in_each_text_once() {
         for engine in [Engine::Snakemake, Engine::Slurm, Engine::Hyperqueue] {
-            let text = workflow().text(engine);
+            let text = workflow().text(engine).expect("a text");
             for step in [
                 "stage plan",
                 "stage scatter",
@@ -296,7 +318,7 @@ mod tests {
     fn scripts_of_the_shell_are_understood_and_ask_for_each_phase() {
         // A stand-in for the engine prints what it is asked for.
         for (engine, program) in [(Engine::Slurm, "sbatch"), (Engine::Hyperqueue, "hq")] {
-            let text = workflow().text(engine);
+            let text = workflow().text(engine).expect("a text");
             let script = format!("{program}() {{ printf '%s|' \"$@\" >&2; echo >&2; echo 7; }}\n{text}");
             let run = std::process::Command::new("bash").args(["-c", &script]).output().expect("bash");
             let told = String::from_utf8_lossy(&run.stderr);
@@ -309,6 +331,87 @@ mod tests {
                 "{told}"
             );
             assert!(told.contains("_TASK_ID/3"), "{told}");
+        }
+    }
+
+    /// All that a name may have which means something to a shell or to Python.
+    const ODD: &str = "a\n$(touch b) 'c' \"d\" \\e $HOME `f`\t-1-of-4.ply";
+
+    fn odd() -> Workflow {
+        let folder = PathBuf::from(ODD).with_extension("stages");
+        Workflow {
+            sources: vec![ODD.into()],
+            weld: None,
+            output: format!("{ODD}.chpm").into(),
+            folder,
+            ..workflow()
+        }
+    }
+
+    #[test]
+    fn names_come_through_the_shell_as_they_are() {
+        for (engine, stand_in) in [
+            (Engine::Slurm, "sbatch() { for last; do :; done; sh -c \"$last\" >&2; echo 7; }"),
+            (Engine::Hyperqueue, "hq() { while [ \"$1\" != -- ]; do shift; done; shift; \"$@\" >&2; }"),
+        ] {
+            let text = odd().text(engine).expect("a text");
+            let comments = text.split("set -euo").next().unwrap_or_default();
+            assert!(comments.lines().all(|line| line.starts_with('#')), "{comments}");
+            let run = std::process::Command::new("bash")
+                .env("CHPM", "printf [%s]")
+                .args(["-c", &format!("{stand_in}\n{text}")])
+                .output()
+                .expect("bash");
+            let told = String::from_utf8_lossy(&run.stderr);
+            assert!(run.status.success(), "{told}");
+            let folder = odd().folder.display().to_string();
+            assert!(told.contains(&format!("[stage][plan][{ODD}][-o][{folder}]")), "{told}");
+            assert!(told.contains(&format!("[finish][{folder}][-o][{ODD}.chpm]")), "{told}");
+            assert_eq!(told.matches(&format!("[{folder}]")).count(), 13, "{told}");
+        }
+    }
+
+    #[test]
+    fn names_come_through_a_snakefile_as_they_are() {
+        let text = odd().text(Engine::Snakemake).expect("a text");
+        // Strings of Python with these escapes are those of JSON.
+        let strings: Vec<String> = text
+            .lines()
+            .filter_map(|line| line.trim_start_matches(|c| c != '"').trim_end_matches(',').into())
+            .filter_map(|string: &str| serde_json::from_str(string).ok())
+            .collect();
+        let folder = odd().folder.display().to_string();
+        assert!(strings.contains(&ODD.to_owned()) && strings.contains(&format!("{ODD}.chpm")), "{text}");
+        for name in
+            ["scatter-{i}-of-3.part", "scatter-2-of-3.part", "simplify-1-{i}-of-3.part", "borders.part"]
+        {
+            assert!(strings.contains(&format!("{folder}/{name}")), "{name}: {text}");
+        }
+        for line in text.lines().filter(|line| !line.is_empty() && !line.starts_with('#')) {
+            let starts = ["CHPM = ", "rule ", "    "];
+            assert!(starts.iter().any(|start| line.starts_with(start)), "{line}");
+        }
+        let folders = strings
+            .iter()
+            .filter(|string| string.starts_with("{CHPM} stage ") && string.contains("{wildcards.i}/3"));
+        assert_eq!(folders.count(), 5, "{text}");
+    }
+
+    #[test]
+    fn names_that_an_engine_would_change_are_refused() {
+        for (engine, name, told) in [
+            (Engine::Snakemake, "a{b}.ply", "braces"),
+            (Engine::Snakemake, "a\r.ply", "rename"),
+            (Engine::Slurm, "a\u{1b}[31m.ply", "rename"),
+            (Engine::Hyperqueue, "a\u{202e}.ply", "rename"),
+        ] {
+            let refused = Workflow { sources: vec![name.into()], ..workflow() }.text(engine);
+            let refused = refused.expect_err(name).to_string();
+            assert!(refused.contains(told), "{refused}");
+        }
+        for engine in [Engine::Slurm, Engine::Hyperqueue] {
+            let text = Workflow { sources: vec!["a{b}.ply".into()], ..workflow() }.text(engine);
+            assert!(text.expect("a text").contains("a{b}.ply"));
         }
     }
 }

@@ -74,8 +74,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         return run_with(args, stop);
     }
     if !args.quiet {
-        let from: Vec<&str> = layers.iter().map(|layer| layer.from.as_str()).collect();
-        line(&format!("settings from {}", from.join(", ")));
+        line(&format!("settings from {}", config::origins(&layers)));
     }
     let words: Vec<_> = std::env::args_os().collect();
     let (words, _) = config::merged(&words, &layers)?;

@@ -34,11 +34,21 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<Verdict> {
     let layers = config::layers(&args.config, args.source.as_deref())?;
     let words: Vec<_> = std::env::args_os().collect();
-    let all = config::effective(&words, &layers)?;
+    let mut all = config::effective(&words, &layers)?;
     // What a build would refuse is no setting that it would have.
     let (words, _) = config::merged(&words, &layers)?;
     if let Command::Config(merged) = Cli::try_parse_from(words).map_err(config::flat)?.command {
-        build_config(&merged.settings, &merged.resources, false)?;
+        let settings = build_config(&merged.settings, &merged.resources, false)?.settings;
+        // Where nothing is set, others decide.
+        for setting in all.iter_mut().filter(|setting| setting.from == "default") {
+            match setting.name.as_str() {
+                "texture" => {
+                    setting.value = if settings.makes_sheets() { "sheets" } else { "vertices" }.to_owned()
+                }
+                "cluster-triangles" => setting.value = settings.cluster_triangles.to_string(),
+                _ => {}
+            }
+        }
     }
     let mut out = stdout();
     if args.json {

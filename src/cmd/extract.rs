@@ -83,11 +83,11 @@ struct Wanted {
     triangles: Option<Triangles>,
     /// The coarsest mesh that is nowhere farther than E from the source, nor the source from it, in the model's units or, as in 0.1%, of the
     /// diagonal of its box. Nothing is exempt: what has vanished counts by how far it is from what is left
-    #[arg(long, value_name = "E")]
+    #[arg(long, value_name = "E", conflicts_with_all = ["viewport", "cull"])]
     error: Option<Length>,
     /// All clusters of level L at their finest; 0 is the source. Where a file has several roots, what has none of level L is at its root's
     /// finest
-    #[arg(long, value_name = "L", value_parser = number::count(0..=u32::MAX))]
+    #[arg(long, value_name = "L", value_parser = number::count(0..=u32::MAX), conflicts_with_all = ["viewport", "cull"])]
     level: Option<u32>,
     /// The coarsest mesh whose error covers at most P pixels, wherever it is seen by the camera
     #[arg(long, value_name = "P", value_parser = view::pixels)]

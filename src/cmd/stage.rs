@@ -2,18 +2,20 @@
 
 use super::{Verdict, stdout};
 use crate::args::{MemorySize, SettingsArgs, StorageArgs, build_memory};
-use crate::config;
+use crate::cli::{Cli, Command};
+use crate::config::{self, ConfigArgs};
 use crate::number;
 use crate::output;
-use crate::progress::Meter;
+use crate::progress::{Meter, line};
 use crate::stop::Stop;
 use crate::tile_list::SourceArgs;
 use crate::workflow::{Engine, Workflow};
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use chpm_build::stage::{self, Condition, Division, MOST_PARTS, Share, Step, StepReport};
 use chpm_build::{FailPoints, Resources};
 use chpm_mesh::Bytes;
 use clap::Parser;
+use std::ffi::OsString;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -103,6 +105,8 @@ struct PlanArgs {
     /// Levels that are simplified in parts; those of many clusters if not given
     #[arg(long, value_name = "N", value_parser = number::count(0_u32..=31))]
     levels: Option<u32>,
+    #[command(flatten)]
+    config: ConfigArgs,
     #[command(flatten)]
     settings: SettingsArgs,
     #[command(flatten)]
@@ -242,7 +246,35 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     one(step, common, None, stop)
 }
 
+impl PlanArgs {
+    /// These, with the settings of a preset and a `chpm.toml` as `build` has them; `words` are what was typed.
+    fn completed(&self, words: &[OsString]) -> Result<Option<Box<PlanArgs>>> {
+        let source = Some(self.sources.first()).filter(|source| *source != Path::new("-"));
+        let layers = config::layers(&self.config, source)?;
+        if layers.is_empty() {
+            return Ok(None);
+        }
+        if !self.resources.quiet {
+            line(&format!("settings from {}", config::origins(&layers)));
+        }
+        let (words, _) = config::merged(words, &layers)?;
+        planned(&words).map(Some)
+    }
+}
+
+/// The arguments that a command line has for `stage plan`.
+fn planned(words: &[OsString]) -> Result<Box<PlanArgs>> {
+    if let Command::Stage(args) = Cli::try_parse_from(words).map_err(config::flat)?.command
+        && let StepArgs::Plan(plan) = args.step
+    {
+        return Ok(plan);
+    }
+    bail!("the settings: not understood")
+}
+
 fn plan(args: &PlanArgs, stop: &Stop) -> Result<Verdict> {
+    let completed = args.completed(&std::env::args_os().collect::<Vec<_>>())?;
+    let args = completed.as_deref().unwrap_or(args);
     output::check_folder("stage plan", &args.output)?;
     let division = Division { parts: args.parts, levels: args.levels };
     let source = args.sources.source(&args.output, false)?;
@@ -288,14 +320,21 @@ const BYTES_PER_TRIANGLE: u64 = 19;
 fn workflow(args: &WorkflowArgs) -> Result<Verdict> {
     let WorkflowArgs { sources, output, parts, levels, threads, memory, settings, .. } = args;
     output::BUILD.check(output)?;
-    // Settings that nobody would understand are refused now.
-    #[derive(Parser)]
-    #[command(no_binary_name = true)]
-    struct Own {
-        #[command(flatten)]
-        settings: SettingsArgs,
+    if sources.all().iter().any(|source| source == Path::new("-")) {
+        bail!(
+            "each command of a workflow reads the source, so that it must be a file and not standard input"
+        );
     }
-    let own = Own::try_parse_from(settings).map_err(config::flat)?.settings.settings()?;
+    // Settings that nobody would understand are refused now.
+    let folder = output.with_extension("stages");
+    let mut words: Vec<OsString> = ["chpm", "stage", "plan", "--quiet", "-o"].map(OsString::from).to_vec();
+    words.push(folder.clone().into());
+    words.extend(settings.iter().map(OsString::from));
+    words.push("--".into());
+    words.extend(sources.all().iter().map(OsString::from));
+    let plan = planned(&words)?;
+    let completed = plan.completed(&words)?;
+    let own = completed.as_deref().unwrap_or(&plan).settings.settings()?;
     let lens = sources.all().iter().map(|source| {
         Ok(source.metadata().with_context(|| format!("cannot read '{}'", source.display()))?.len())
     });
@@ -305,7 +344,7 @@ fn workflow(args: &WorkflowArgs) -> Result<Verdict> {
     let workflow = Workflow {
         sources: sources.all().to_vec(),
         weld: sources.weld()?,
-        folder: output.with_extension("stages"),
+        folder,
         output: output.clone(),
         parts: *parts,
         levels: Division { parts: *parts, levels: *levels }.levels_of(leaves),
@@ -315,7 +354,7 @@ fn workflow(args: &WorkflowArgs) -> Result<Verdict> {
         triangles,
     };
     let mut out = stdout();
-    write!(out, "{}", workflow.text(args.engine))?;
+    write!(out, "{}", workflow.text(args.engine)?)?;
     out.flush()?;
     Ok(Verdict::Good)
 }

@@ -121,13 +121,14 @@ impl Summary {
     /// The same for programs.
     pub(crate) fn json(&self) -> near::CompareSummary {
         let [p50, p90, p95, p99, p99_9] = self.percentiles;
+        let of_some = |x: f64| (self.count > 0).then_some(x);
         near::CompareSummary {
             vertices: self.count,
-            min: self.min,
-            max: self.max,
-            mean: self.mean,
-            rms: self.rms,
-            percentiles: near::Percentiles { p50, p90, p95, p99, p99_9 },
+            min: of_some(self.min),
+            max: of_some(self.max),
+            mean: of_some(self.mean),
+            rms: of_some(self.rms),
+            percentiles: (self.count > 0).then_some(near::Percentiles { p50, p90, p95, p99, p99_9 }),
             range: self.range,
             histogram: self.bins.clone(),
             below: self.outside[0],

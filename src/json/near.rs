@@ -242,15 +242,15 @@ pub(crate) struct Visible {
 pub(crate) struct CompareSummary {
     /// Vertices that were measured: those of the scan's leaves
     pub(crate) vertices: u64,
-    /// Least distance
-    pub(crate) min: f64,
-    /// Largest distance
-    pub(crate) max: f64,
-    /// Mean distance
-    pub(crate) mean: f64,
-    /// Root mean square
-    pub(crate) rms: f64,
-    pub(crate) percentiles: Percentiles,
+    /// Least distance; `null` where there are no vertices
+    pub(crate) min: Option<f64>,
+    /// Largest distance; `null` where there are no vertices
+    pub(crate) max: Option<f64>,
+    /// Mean distance; `null` where there are no vertices
+    pub(crate) mean: Option<f64>,
+    /// Root mean square; `null` where there are no vertices
+    pub(crate) rms: Option<f64>,
+    pub(crate) percentiles: Option<Percentiles>,
     /// Distances of the first and the last colour
     pub(crate) range: [f64; 2],
     /// Vertices by distance, in bins of one width over the range

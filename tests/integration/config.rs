@@ -56,6 +56,14 @@ fn what_is_typed_wins_over_the_file_and_the_file_over_its_preset() {
     assert_eq!(all["topology"], told("change", "default"));
     assert_eq!(all["no-normals"], told("true", "in/chpm.toml"));
     assert_eq!(all["finest-error"], told("none", "default"));
+    assert_eq!(all["texture"], told("sheets", "default"));
+    for (typed, name, value) in [
+        ("--prune-exact", "texture", "vertices"),
+        ("--texture none", "texture", "none"),
+        ("--no-config", "cluster-triangles", "4096"),
+    ] {
+        assert_eq!(effective(&folder, &format!("in/scan.ply {typed}"))[name].0, value, "{typed}");
+    }
     assert_eq!(all["memory"], told("1G", "default"));
     let table = folder.stdout("config in/scan.ply");
     assert!(table.contains("in/chpm.toml") && table.contains("preset terrain"), "{table}");

@@ -35,6 +35,26 @@ fn gzip(bytes: &[u8]) -> Vec<u8> {
     encoder.finish().expect("compressed")
 }
 
+#[test]
+fn a_gzip_stream_with_a_wrong_checksum_is_to_be_copied_again() {
+    let (folder, _) = ball();
+    let whole = gzip(&folder.read("ball.ply"));
+    let flipped = |at: usize| {
+        let mut damaged = whole.clone();
+        damaged[at] ^= 1;
+        damaged
+    };
+    let behind = [&whole[..], b"notes on the ball"].concat();
+    // The checksum, the length, and what is none.
+    for (damaged, told) in
+        [(flipped(whole.len() - 8), "checksum"), (flipped(whole.len() - 4), "checksum"), (behind, "follows")]
+    {
+        folder.write("bad.ply.gz", damaged);
+        let error = folder.stderr("build bad.ply.gz -o bad.chpm -q", 2);
+        assert!(error.contains(told) && error.contains("copy the file again"), "{told}: {error}");
+    }
+}
+
 fn zstd(bytes: &[u8]) -> Vec<u8> {
     zstd::stream::encode_all(bytes, 1).expect("compressed")
 }

@@ -198,6 +198,22 @@ fn poses_that_are_too_long_to_be_poses_are_refused() {
     assert!(error.contains("long.poses") && error.contains("longer than 64.0 MiB"), "{error}");
 }
 
+/// A vertex that is a saddle: no single triangle about it tells the side of a point that it is nearest to.
+#[test]
+fn what_is_outside_is_told_so_where_a_vertex_is_nearest() {
+    let folder = Folder::new();
+    let around = "3 0 2 1\n3 0 3 2\n3 0 4 3\n3 0 1 4\n3 5 1 2\n3 5 2 3\n3 5 3 4\n3 5 4 1\n";
+    folder.write("r.off", format!("OFF\n6 8 0\n0 0 0\n6 7 5\n1 4 -3\n2 5 4\n-1 7 7\n4 6 -2\n{around}"));
+    folder.write("s.off", "OFF\n3 1 0\n7 -14 4\n14 -28 8\n28 -56 16\n3 0 1 2\n");
+    let told = answer(&folder, "compare s.off r.off -q --json", 0);
+    assert_eq!(told["signed"], true);
+    let [least, most] = ["min", "max"].map(|key| told[key].as_f64().expect("a distance"));
+    assert!((least - 16.155).abs() < 0.01 && (most - 64.62).abs() < 0.02, "{least} {most}");
+    folder.stdout("synth sphere --triangles 500 -o ball.ply -q");
+    let same = folder.stdout("compare ball.ply ball.ply -q");
+    assert!(!same.contains("-0"), "{same}");
+}
+
 #[test]
 fn a_scan_is_compared_with_a_reference() {
     let folder = site();

@@ -260,7 +260,21 @@ fn plates_are_as_thick_as_they_are_apart() {
     for (mesh, name) in [(turned(land.clone()), "down"), (land, "up")] {
         folder.write_mesh("land.ply", &mesh);
         folder.stdout("build land.ply -fq");
-        assert_eq!(told(&folder, "thickness land.chpm -q --json")["components_turned"], 0, "{name}");
+        let value = told(&folder, "thickness land.chpm -q --json");
+        assert_eq!(value["components_turned"], 0, "{name}");
+        // What no vertex has, has no mean.
+        let numbers = ["min", "max", "mean", "rms", "percentiles"].map(|key| value[key].is_null());
+        assert_eq!(numbers, [value["vertices"] == 0; 5], "{value}");
+    }
+    folder.write("sheet.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
+    folder.stdout("build sheet.off -q");
+    let value = told(&folder, "thickness sheet.chpm -q --json");
+    assert!(value["vertices"] == 0 && value["mean"].is_null() && value["percentiles"].is_null(), "{value}");
+    for words in ["--error 1%", "--level 0"] {
+        for view in ["--cull", "--viewport 100x100"] {
+            let refused = folder.stderr(&format!("extract land.chpm {words} {view} -o no.ply"), 2);
+            assert!(refused.contains("cannot be used with"), "{refused}");
+        }
     }
 }
 

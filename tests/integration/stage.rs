@@ -52,6 +52,37 @@ fn a_plan_says_what_it_chose() {
 }
 
 #[test]
+fn a_plan_has_the_settings_of_a_build() {
+    let folder = Folder::new();
+    folder.stdout("synth isosurface --triangles 8000 -o model.ply -q");
+    folder.write(
+        "chpm.toml",
+        "preset = \"terrain\"\n[settings]\ncluster-triangles = 64\nseed = 5\nno-resume = true\n",
+    );
+    folder.write("other.toml", "[settings]\ncluster-triangles = 128\n");
+    for words in ["", "--config other.toml", "--no-config --preset preview", "--seed 7"] {
+        folder.stdout(&format!("build model.ply -o one.chpm -qf {words}"));
+        folder.stdout(&format!("stage plan model.ply -o w.stages -q {words}"));
+        folder.stdout("work w.stages -o w.chpm -q --threads 2");
+        assert!(folder.read("w.chpm") == folder.read("one.chpm"), "{words}");
+        fs::remove_dir_all(folder.path("w.stages")).expect("the folder");
+        fs::remove_file(folder.path("w.chpm")).expect("the model");
+    }
+    let told = folder.chpm("stage plan model.ply -o w.stages").success();
+    assert!(text(&told.get_output().stderr).contains("settings from chpm.toml, preset terrain"));
+    // More leaves, more levels in parts.
+    folder.stdout("synth isosurface --triangles 40000 -o large.ply -q");
+    let levels = |words: &str| {
+        let words = format!("stage workflow large.ply -o w.chpm --parts 2 {words}");
+        folder.stdout(&words).matches("rule simplify_").count()
+    };
+    assert!(levels("") > levels("-- --cluster-triangles 4096"));
+    assert_eq!(levels(""), levels("-- --no-config --cluster-triangles 64"));
+    let refused = folder.stderr("stage workflow - -o w.chpm --parts 2", 2);
+    assert!(refused.contains("standard input"), "{refused}");
+}
+
+#[test]
 fn any_number_of_parts_in_any_order_gives_the_bytes_of_one_process() {
     for settings in [
         SMALL,

@@ -404,7 +404,7 @@ impl Settings {
     }
 
     /// Whether clusters have sheets, where there is an image.
-    pub(crate) fn makes_sheets(&self) -> bool {
+    pub fn makes_sheets(&self) -> bool {
         match self.texture {
             Texture::Sheets => true,
             Texture::Found => self.without_sheets().is_none(),

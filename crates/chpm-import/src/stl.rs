@@ -267,9 +267,15 @@ impl<R: Read> StlReader<R> {
             }
             // Statements may share a line, and be in any case.
             let mut words = lines.current().split(is_padding).flat_map(words);
+            // A normal is any text, too, up to what can follow it.
+            let mut in_normal = false;
             while let Some(word) = words.next() {
                 let mut word = word.to_owned();
                 word.make_ascii_lowercase();
+                in_normal &= !matches!(&word[..], b"outer" | b"vertex" | b"endfacet");
+                if in_normal {
+                    continue;
+                }
                 let wrong = |expected, got| {
                     let place = lines.place("facet", self.facets);
                     Err(ImportError::Text { place, expected, got })
@@ -285,8 +291,7 @@ impl<R: Read> StlReader<R> {
                         break;
                     }
                     (b"facet", false) => {
-                        (*inside, _) = (true, corners.clear());
-                        break;
+                        (*inside, in_normal, _) = (true, true, corners.clear());
                     }
                     (b"outer" | b"loop" | b"endloop", true) => {}
                     (b"vertex", true) => {

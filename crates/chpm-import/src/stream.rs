@@ -152,7 +152,10 @@ struct Gzip<R> {
 impl<R: Read> Read for Gzip<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let read = self.decoder.read(buffer).map_err(|error| match error.kind() {
-            // The library says of both that a header is invalid.
+            // The library has one code for all of it, and says both of what is none and of what follows that a header is invalid.
+            io::ErrorKind::InvalidInput if error.to_string().contains("checksum") => io::Error::other(
+                "the checksum of the gzip data does not match, so that it is damaged: copy the file again",
+            ),
             io::ErrorKind::InvalidInput if self.has_begun => io::Error::other(
                 "the gzip data ends, and what follows it is none: unpack it with gzip, which passes over that, or copy the file again",
             ),

@@ -181,10 +181,15 @@ impl Digits {
         Digits { decimals, largest }
     }
 
-    /// A number with its sign.
+    /// A number with its sign; what is printed as zero has none.
     pub fn of(&self, number: f64) -> String {
+        let number = number + 0.0;
         match self.decimals {
-            Some(decimals) if decimals <= READABLE => format!("{number:.decimals$}"),
+            Some(decimals) if decimals <= READABLE => {
+                let text = format!("{number:.decimals$}");
+                let is_zero = text.bytes().all(|byte| matches!(byte, b'-' | b'0' | b'.'));
+                if is_zero { text.replace('-', "") } else { text }
+            }
             // As many digits from the first one on, so that zeros do not have to be counted.
             Some(decimals) => {
                 let power = libm::log10(number.abs().max(f64::MIN_POSITIVE)).floor() as i32;
@@ -299,6 +304,9 @@ mod tests {
             (100.0, 141_420.4, 141_420.356, "141420"),
             (1e-12, 1e-6, 1.234_567_890_123_45e-7, "1.234568e-7"),
             (1e-12, 1e-6, 0.0, "0"),
+            (0.01, 1.0, -0.000_4, "0.000"),
+            (1.0, 1.0, -0.0, "0.0"),
+            (0.0, 0.0, -0.0, "0"),
             (1e-12, 141_420.4, 1.234_567_890_123_45e-7, "1.23456789012345e-7"),
             (1e-30, 0.2, 0.1, "0.1"),
             (0.0, 141_420.4, 141_420.356_237_309_5, "141420.3562373095"),

@@ -73,19 +73,38 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
         self.points + self.reference.rounding()
     }
 
-    /// Appends the distance of each point to `out`: negative on the side that the nearest triangle turns its back to. Answers how far their sizes may be from
-    /// those of the sources, all counted: the tolerance or less, unless the [rounding](Self::rounding) leaves no room for it.
+    /// Appends the distance of each point to `out`: negative on the side that the surface turns its back to where it is nearest. Answers how far their sizes may be
+    /// from those of the sources, all counted: the tolerance or less, unless the [rounding](Self::rounding) leaves no room for it.
     ///
     /// # Errors
     /// A damaged page.
     pub fn measure(&self, points: &[[f32; 3]], out: &mut Vec<f64>) -> Result<f64, ProximityError> {
         let points: Vec<Vector3<f64>> = points.iter().map(|point| self.between.apply(*point)).collect();
-        let start = out.len();
-        out.resize(start + points.len(), 0.0);
+        let (mut found, within, disputed) = self.find(&points)?;
+        // Where coarse meshes of several levels meet, parts of the surface are there twice; the leaves are one surface.
+        let far: Vec<usize> = disputed.into_iter().filter(|i| found[*i].abs() > self.tolerance).collect();
+        if self.tolerance > 0.0 && !far.is_empty() {
+            let exact = Gauge {
+                reference: self.reference,
+                between: self.between,
+                points: self.points,
+                tolerance: 0.0,
+            };
+            let points: Vec<Vector3<f64>> = far.iter().map(|i| points[*i]).collect();
+            let (signed, ..) = exact.find(&points)?;
+            far.iter().zip(signed).for_each(|(i, signed)| found[*i] = found[*i].abs().copysign(signed));
+        }
+        out.append(&mut found);
+        Ok(within)
+    }
+
+    /// The distance of each point, how far their sizes may be off, and the numbers of those whose sign is disputed.
+    fn find(&self, points: &[Vector3<f64>]) -> Result<(Vec<f64>, f64, Vec<usize>), ProximityError> {
+        let (mut found, mut disputed) = (vec![0.0; points.len()], Vec::new());
         let (mut coarsest, mut unsure) = (0.0_f64, 0.0_f64);
         // In runs that are near each other, each with the patches that it may be near to.
-        for run in along_a_curve(&points).chunks(RUN) {
-            let (patches, wrong) = self.candidates(run, &points)?;
+        for run in along_a_curve(points).chunks(RUN) {
+            let (patches, wrong) = self.candidates(run, points)?;
             coarsest = coarsest.max(wrong);
             let mut last = None;
             let mut order: Vec<(f64, usize)> = Vec::with_capacity(patches.len());
@@ -96,6 +115,7 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
                 if let Some((patch, triangle)) = last {
                     let (_, patch): &Boxed = &patches[patch];
                     patch.take(triangle, point, &mut spot);
+                    spot = spot.again();
                 }
                 order.clear();
                 order
@@ -109,11 +129,12 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
                         last = Some((*i, triangle));
                     }
                 }
-                out[start + *number as usize] = spot.distance();
+                found[*number as usize] = spot.distance();
+                disputed.extend(spot.is_disputed().then_some(*number as usize));
                 unsure = unsure.max(spot.unsure());
             }
         }
-        Ok((self.points + coarsest + unsure) * (1.0 + 4.0 * f64::EPSILON))
+        Ok((found, (self.points + coarsest + unsure) * (1.0 + 4.0 * f64::EPSILON), disputed))
     }
 
     /// Whether the meshes of a group are as near to the source as they have to be.

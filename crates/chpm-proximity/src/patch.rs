@@ -138,19 +138,37 @@ impl Search for Patch {
 const DEEP: usize = 32;
 
 /// The nearest point that was found, and which side of the surface a point is on there.
+///
+/// The side is that of the normals of all triangles that have the nearest point, each weighed by the angle that it fills about it (Baerentzen and Aanaes, 2005): at
+/// a vertex no single triangle tells it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Spot {
     squared: f64,
+    /// Squared distances up to this are of interest: what is as near may seem as much farther.
+    reach: f64,
     /// No triangle that was looked at is nearer, but for rounding.
     lower: f64,
-    /// Along the normal, as a share of the distance: of all triangles that are nearest, the one that is seen least aslant.
-    upright: f64,
+    /// The nearest point.
+    at: Option<Vector3<f64>>,
+    /// From there to the point.
+    way: Vector3<f64>,
+    /// Sum of the weighed normals.
+    normal: Vector3<f64>,
+    /// Whether there are triangles that the point is before, and such that it is behind.
+    sides: [bool; 2],
 }
 
 impl Spot {
     /// Nothing but what is nearer than `upper` is looked for.
     pub(crate) fn beyond(upper: f64) -> Self {
-        Spot { squared: upper * upper, lower: upper, upright: 0.0 }
+        let zero = Vector3::zeros();
+        let squared = upper * upper;
+        Spot { squared, reach: squared, lower: upper, at: None, way: zero, normal: zero, sides: [false; 2] }
+    }
+
+    /// The same search from its beginning, for nothing that is farther than what was found: no triangle counts twice.
+    pub(crate) fn again(&self) -> Self {
+        Spot { squared: self.reach, lower: self.lower, ..Spot::beyond(self.reach.sqrt()) }
     }
 
     /// How much nearer than what was found a triangle may be, where the formulas cannot tell.
@@ -160,46 +178,62 @@ impl Spot {
 
     /// Squared distances up to this are of interest.
     pub(crate) fn reach(&self) -> f64 {
-        self.squared * (1.0 + 1e-12)
+        self.reach
     }
 
     /// Negative behind the surface.
     pub(crate) fn distance(&self) -> f64 {
-        if self.upright < 0.0 { -self.squared.sqrt() } else { self.squared.sqrt() }
+        if self.normal.dot(&self.way) < 0.0 { -self.squared.sqrt() } else { self.squared.sqrt() }
+    }
+
+    /// Whether triangles that have the nearest point do not agree about the side.
+    pub(crate) fn is_disputed(&self) -> bool {
+        self.sides == [true; 2]
     }
 
     /// Answers whether the triangle is nearer than all before.
     fn take(&mut self, point: &Vector3<f64>, corners: &Corners) -> bool {
-        let way = point - triangle::nearest_point(point, corners);
+        let mut way = point - triangle::nearest_point(point, corners);
         let mut squared = way.norm_squared();
+        let noise = SURE * (point.amax() + corners[0].amax());
         // What lies beyond the corners along the way, too, is no nearer than it seems.
         let nearest = corners.iter().map(|corner| way.dot(&(point - corner))).fold(f64::INFINITY, f64::min);
         if nearest.max(0.0).powi(2) < self.squared * squared {
             let away = squared.sqrt();
             let mut lower = nearest.max(0.0) / away;
-            if away - lower > SURE * (point.amax() + corners[0].amax()) {
-                let (careful, upper) = triangle::distance_of_point(point, corners);
+            if away - lower > noise {
+                let (careful, shortest) = triangle::distance_of_point(point, corners);
                 lower = lower.max(careful);
-                squared = squared.min(upper * upper);
+                if shortest.norm_squared() < squared {
+                    (way, squared) = (shortest, shortest.norm_squared());
+                }
             }
             self.lower = self.lower.min(lower);
         }
-        if squared > self.reach() {
+        if squared > self.reach {
             return false;
         }
-        let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));
-        let lengths = normal.norm_squared() * squared;
-        let upright = if lengths > 0.0 { normal.dot(&way) / lengths.sqrt() } else { 0.0 };
-        if squared < self.squared * (1.0 - 1e-12) || upright.abs() > self.upright.abs() {
-            self.upright = upright;
-        }
+        let at = point - way;
+        let is_there = self.at.is_some_and(|before| (before - at).amax() <= noise);
         let is_nearer = squared < self.squared;
-        self.squared = self.squared.min(squared);
+        if is_nearer {
+            if !is_there {
+                (self.normal, self.sides) = (Vector3::zeros(), [false; 2]);
+            }
+            (self.squared, self.at, self.way) = (squared, Some(at), way);
+            self.reach = (squared.sqrt() + noise).powi(2);
+        }
+        if is_nearer || is_there {
+            let normal = triangle::facing(&at, corners, noise);
+            self.normal += normal;
+            let upright = normal.dot(&way);
+            self.sides = [self.sides[0] || upright > 0.0, self.sides[1] || upright < 0.0];
+        }
         is_nearer
     }
 }
 
-/// Relative width of an interval that needs no further work.
+/// Relative width of an interval that needs no further work, and how far apart one point may come out in two triangles.
 const SURE: f64 = 1e-13;
 
 /// Whether to divide the first box (or the second); none where neither is divided.

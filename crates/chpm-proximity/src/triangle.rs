@@ -2,6 +2,7 @@
 
 use chpm_space::Corners;
 use nalgebra::Vector3;
+use std::f64::consts::{PI, TAU};
 
 /// Two points, one of each triangle, and what their distance proves.
 #[derive(Clone, Copy, Debug)]
@@ -131,14 +132,16 @@ pub(crate) fn nearest_point(point: &Vector3<f64>, [a, b, c]: &Corners) -> Vector
     }
 }
 
-/// How near a point comes to a triangle: what is certain, whatever the formulas lose, and what was found, at least a corner. For needles, and where the point
-/// is so near that squares do not tell it from the triangle.
-pub(crate) fn distance_of_point(point: &Vector3<f64>, t: &Corners) -> (f64, f64) {
+/// How near a point comes to a triangle: what is certain, whatever the formulas lose, and the shortest way that was found, at least from a corner. For needles, and
+/// where the point is so near that squares do not tell it from the triangle.
+pub(crate) fn distance_of_point(point: &Vector3<f64>, t: &Corners) -> (f64, Vector3<f64>) {
     let [a, b, c] = t;
     let ways =
         [nearest_point(point, t), on_segment(point, a, b), on_segment(point, b, c), on_segment(point, c, a)]
             .map(|on| point - on);
-    let upper = ways.iter().map(|way| way.norm()).fold(f64::INFINITY, f64::min);
+    let shortest = ways[1..].iter().fold(ways[0], |shortest, way| {
+        if way.norm_squared() < shortest.norm_squared() { *way } else { shortest }
+    });
     // Upright on an edge, and on the face: twice, since the first time leaves what it has lost.
     let edges = [b - a, c - b, a - c];
     let of_edges = [0, 1, 2].map(|i| upright(ways[i + 1], &edges[i]));
@@ -146,7 +149,27 @@ pub(crate) fn distance_of_point(point: &Vector3<f64>, t: &Corners) -> (f64, f64)
     let face = upright(upright(face, &edges[0]), &edges[1]);
     let lower = ways.into_iter().chain(of_edges).chain([face, -face]);
     let lower = lower.map(|way| beyond(&way, point, t)).fold(0.0, f64::max);
-    (lower.min(upper), upper)
+    (lower.min(shortest.norm()), shortest)
+}
+
+/// The normal of a triangle, as long as the angle that the triangle fills about a point of it, which may be off by `noise`.
+pub(crate) fn facing(at: &Vector3<f64>, t: &Corners, noise: f64) -> Vector3<f64> {
+    let normal = (t[1] - t[0]).cross(&(t[2] - t[0]));
+    let area = normal.norm();
+    if area <= 0.0 {
+        return normal;
+    }
+    let is_at = |place: &Vector3<f64>| (at - place).amax() <= noise;
+    let ends = |i: usize| (&t[(i + 1) % 3], &t[(i + 2) % 3]);
+    let angle = if let Some(i) = (0..3).find(|i| is_at(&t[*i])) {
+        let (b, c) = ends(i);
+        f64::atan2(area, (b - t[i]).dot(&(c - t[i])))
+    } else if (0..3).any(|i| is_at(&on_segment(at, &t[i], ends(i).0))) {
+        PI
+    } else {
+        TAU
+    };
+    normal * (angle / area)
 }
 
 fn upright(way: Vector3<f64>, edge: &Vector3<f64>) -> Vector3<f64> {

@@ -1,6 +1,7 @@
 //! Materials of an OBJ: from the libraries that it names, with their images.
 
 use super::mtl::{self, Map, Mtl, statement, uncommented};
+use super::statements::goes_on;
 use crate::error::{ImportError, SourceError};
 use crate::supply::Supply;
 use crate::texture::{Images, Table, beside};
@@ -19,10 +20,26 @@ pub(super) struct Libraries {
     pub(super) path: PathBuf,
     pub(super) table: Table,
     pub(super) surfaces: Vec<Surface>,
-    named: BTreeMap<Vec<u8>, u32>,
+    named: Names,
     pub(super) cancel: Cancel,
     /// Bytes of libraries that may still be read.
     left: u64,
+}
+
+/// Surfaces by the names of their materials: as they are written, and without what may be a comment.
+#[derive(Default)]
+struct Names([BTreeMap<Vec<u8>, u32>; 2]);
+
+impl Names {
+    fn add(&mut self, name: Vec<u8>, surface: u32) {
+        self.0[1].entry(uncommented(&name).to_vec()).or_insert(surface);
+        self.0[0].entry(name).or_insert(surface);
+    }
+
+    fn find(&self, name: &[u8]) -> Option<u32> {
+        let names = [name, uncommented(name)];
+        names.iter().find_map(|name| self.0.iter().find_map(|named| named.get(*name))).copied()
+    }
 }
 
 /// A material on a face.
@@ -52,12 +69,12 @@ impl Libraries {
     ) -> Result<Libraries, ImportError> {
         let table = Table::new(images, store)?;
         let (path, cancel) = (path.to_owned(), cancel.clone());
-        Ok(Libraries { path, table, surfaces: Vec::new(), named: BTreeMap::new(), cancel, left: LONGEST })
+        Ok(Libraries { path, table, surfaces: Vec::new(), named: Names::default(), cancel, left: LONGEST })
     }
 
     /// Reads the libraries that an `mtllib` statement names. Of several, the first that has a material counts.
     pub(super) fn add(&mut self, names: &[u8]) -> Result<(), ImportError> {
-        let mut new = BTreeMap::new();
+        let mut new = Names::default();
         for name in self.split(&String::from_utf8_lossy(uncommented(names))) {
             self.cancel.check().map_err(|_| SourceError::Cancelled)?;
             match beside::find(&name, &self.path) {
@@ -67,7 +84,7 @@ impl Libraries {
                 Ok(library) => self.read(&library, &mut new)?,
             }
         }
-        self.named.extend(new);
+        self.named.0.iter_mut().zip(new.0).for_each(|(named, new)| named.extend(new));
         Ok(())
     }
 
@@ -88,7 +105,7 @@ impl Libraries {
         split
     }
 
-    fn read(&mut self, library: &Path, new: &mut BTreeMap<Vec<u8>, u32>) -> Result<(), ImportError> {
+    fn read(&mut self, library: &Path, new: &mut Names) -> Result<(), ImportError> {
         let unread = |source| SourceError::Read { path: library.to_owned(), source };
         let supply = Supply::file(library)?;
         let bytes = supply.open().map_err(unread)?.take(self.left);
@@ -102,8 +119,8 @@ impl Libraries {
         mtl::read(bytes, &mut |mtl| {
             cancel.check().map_err(|_| SourceError::Cancelled)?;
             let surface = self.surface(&mtl, library)?;
-            self.table.count(mtl.name.len())?;
-            new.entry(mtl.name).or_insert(self.surfaces.len() as u32);
+            self.table.count(2 * mtl.name.len())?;
+            new.add(mtl.name, self.surfaces.len() as u32);
             self.surfaces.push(surface);
             Ok(())
         })
@@ -158,7 +175,7 @@ impl Libraries {
 
     /// The surface that a `usemtl` statement names, if there is one.
     pub(super) fn surface_of(&self, name: &[u8]) -> Option<u32> {
-        self.named.get(name).copied()
+        self.named.find(name)
     }
 }
 
@@ -253,7 +270,7 @@ fn in_block(
         let (line, rest) = block.split_at(end);
         block = rest.strip_prefix(b"\r\n").unwrap_or(rest.get(1..).unwrap_or_default());
 
-        let body = line.strip_suffix(b"\\");
+        let body = line.strip_suffix(b"\\").filter(|_| goes_on(line));
         if joined.is_empty() && body.is_none() {
             look(line)?;
             continue;

@@ -3,11 +3,12 @@
 
 mod libraries;
 mod mtl;
+mod statements;
 mod wedges;
 
 use super::error::ImportError;
 use super::format::{Format, Likeness, first_line, is_text};
-use super::lines::{Lines, WINDOW, meaning, number, words};
+use super::lines::{meaning, number, words};
 use crate::batch::{Batch, BatchKind, MAX_VERTICES, Tally};
 use crate::color_scale::ColorScale;
 use crate::location::{SourceLocation, excerpt};
@@ -21,6 +22,7 @@ use crate::vertex_set::VertexSet;
 use chpm_extmem::Cancel;
 use chpm_mesh::{Attributes, FAR};
 use libraries::Libraries;
+use statements::Joined;
 use std::io::Read;
 use wedges::{Faces, Wedges};
 
@@ -92,9 +94,7 @@ impl MeshReader for ObjMesh {
 /// from the last vertex backwards (-1), and may name vertices that come later.
 /// A vertex has a colour if three more numbers follow its position, from 0 to 1 or from 0 to 255; the first vertex decides for all whether there are any. Normals belong to corners and are handed over as such.
 pub struct ObjReader<R: Read> {
-    lines: Lines<R>,
-    /// A line that was joined from several.
-    joined: Vec<u8>,
+    lines: Joined<R>,
     read: Statements,
     delivered: [u64; 2],
     state: State,
@@ -165,8 +165,7 @@ impl<R: Read> ObjReader<R> {
     fn with(reader: R, options: Options, wedges: Option<Box<Wedges>>) -> Result<Self, ImportError> {
         let Options { invalid: invalid_data, colors: wants_colors, normals: wants_normals, .. } = options;
         let mut obj = ObjReader {
-            lines: Lines::new(reader),
-            joined: Vec::new(),
+            lines: Joined::new(reader),
             read: Statements {
                 invalid_data,
                 colored: wants_colors,
@@ -283,33 +282,12 @@ impl<R: Read> ObjReader<R> {
         Ok(if is_any { BatchKind::Triangles } else { BatchKind::End })
     }
 
-    /// One line, with those that it goes on in.
     fn line(&mut self) -> Result<(), ImportError> {
         if !self.lines.advance()? {
             return self.end();
         }
-        if !goes_on(self.lines.current()) {
-            let lines = &self.lines;
-            return self.read.statement(lines.current(), &|element, index| lines.place(element, index));
-        }
-
-        self.joined.clear();
-        loop {
-            let line = self.lines.current();
-            if self.joined.len() + line.len() > WINDOW {
-                let line = self.lines.place("statement", 0).line.unwrap_or(0);
-                return Err(ImportError::LineTooLong { line, limit: WINDOW });
-            }
-            let body = line.strip_suffix(b"\\").filter(|_| goes_on(line));
-            self.joined.extend_from_slice(body.unwrap_or(line));
-            self.joined.push(b' ');
-            if body.is_none() || !self.lines.advance()? {
-                break;
-            }
-        }
-
         let lines = &self.lines;
-        self.read.statement(&self.joined, &|element, index| lines.place(element, index))
+        self.read.statement(lines.current(), &|element, index| lines.place(element, index))
     }
 
     fn end(&mut self) -> Result<(), ImportError> {
@@ -352,10 +330,12 @@ impl Statements {
                     wedges.library(names, &mut left_out.texture)?;
                 }
             }
-            Some(b"usemtl") => match textured {
-                Some(wedges) => wedges.choose(mtl::statement(line).map_or(&[], |(_, name)| name)),
-                None => left_out.materials += 1,
-            },
+            Some(b"usemtl") => {
+                left_out.materials += u64::from(textured.is_none());
+                if let Some(wedges) = &mut self.wedges {
+                    wedges.choose(mtl::statement(line).map_or(&[], |(_, name)| name));
+                }
+            }
             Some(b"usemap" | b"maplib") => left_out.materials += 1,
             Some(b"l" | b"p") => left_out.lines_and_points += 1,
             Some(b"g" | b"o" | b"s" | b"mg") => {}
@@ -506,11 +486,6 @@ impl Statements {
         }
         Ok(!self.invalid.contains(vertex))
     }
-}
-
-/// Whether a line ends in the next one: comments end where they are.
-fn goes_on(line: &[u8]) -> bool {
-    meaning(line).last() == Some(&b'\\')
 }
 
 /// The normal that a corner names, counted from zero, if it names one. `read` are those before it.

@@ -2,14 +2,17 @@
 //! have come, and then handed over as triangles.
 
 use super::libraries::{Libraries, Paint};
+use super::statements::Joined;
 use crate::batch::Batch;
 use crate::error::{ImportError, SourceError};
-use crate::lines::{Lines, number, words};
+use crate::lines::{meaning, number, words};
+use crate::location::excerpt;
 use crate::stream::{self, Tap};
 use crate::supply::Supply;
 use crate::texture::Cutter;
 use chpm_extmem::{BufferWriter, Cached, Column, Store};
 use chpm_texture::TexturedTriangle;
+use std::collections::BTreeSet;
 
 /// Numbers of kept faces that are read at once; a larger face is read by itself.
 const WINDOW: usize = 1 << 16;
@@ -22,8 +25,12 @@ pub(super) struct Wedges {
     coordinates: BufferWriter<[f32; 2]>,
     /// Of each face with a material: how many numbers follow, its surface, then of each corner its vertex and its coordinate.
     faces: BufferWriter<u32>,
+    /// The material that was named last, and what it is, once there are images.
+    name: Vec<u8>,
     surface: Option<u32>,
     face: Vec<u32>,
+    /// Names of materials that faces have and no library had until then.
+    unknown: BTreeSet<Vec<u8>>,
     store: Store,
 }
 
@@ -33,8 +40,10 @@ impl Wedges {
             libraries,
             coordinates: BufferWriter::new(store, "texture coordinates", 0)?,
             faces: BufferWriter::new(store, "textured faces", 0)?,
+            name: Vec::new(),
             surface: None,
             face: Vec::new(),
+            unknown: BTreeSet::new(),
             store: store.clone(),
         })
     }
@@ -55,6 +64,7 @@ impl Wedges {
             self.reread(*skipped)?;
             *skipped = 0;
         }
+        self.look_up();
         Ok(())
     }
 
@@ -67,9 +77,9 @@ impl Wedges {
         let opened = stream::open(&tap, 0, budget.available_for_work()).map_err(unread)?;
         let _window = budget.reserve_work("the window of a zstd stream", opened.window)?;
 
-        let mut lines = Lines::new(opened.stream);
+        let mut lines = Joined::new(opened.stream);
         while self.len() < count && lines.advance()? {
-            let mut words = words(lines.current());
+            let mut words = words(meaning(lines.current()));
             if words.next() == Some(b"vt") {
                 self.coordinate(words)?;
             }
@@ -89,7 +99,13 @@ impl Wedges {
 
     /// A `usemtl` statement.
     pub(super) fn choose(&mut self, name: &[u8]) {
-        self.surface = self.libraries.surface_of(name);
+        self.name.clear();
+        self.name.extend_from_slice(name);
+        self.look_up();
+    }
+
+    fn look_up(&mut self) {
+        self.surface = self.libraries.surface_of(&self.name).filter(|_| self.is_textured());
     }
 
     /// Begins a face.
@@ -117,12 +133,25 @@ impl Wedges {
         if self.surface.is_some() {
             self.face[0] = self.face.len() as u32 - 1;
             self.faces.extend_from_slice(&self.face)?;
+        } else if !self.name.is_empty()
+            && !self.unknown.contains(&self.name)
+            && self.libraries.surface_of(&self.name).is_none()
+        {
+            self.libraries.table.count(self.name.len())?;
+            self.unknown.insert(self.name.clone());
         }
         Ok(())
     }
 
     /// All has come.
-    pub(super) fn finish(self) -> Result<Faces, ImportError> {
+    pub(super) fn finish(mut self) -> Result<Faces, ImportError> {
+        let is_textured = self.is_textured();
+        for name in self.unknown.iter().filter(|_| is_textured) {
+            let name = excerpt(name);
+            let told =
+                format!("material '{name}' was in no library when faces named it, which have no image");
+            self.libraries.table.lack(told)?;
+        }
         Ok(Faces {
             coordinates: Cached::new(self.coordinates.finish_column()?),
             faces: self.faces.finish_column()?,

@@ -10,7 +10,7 @@ use crate::steps::Steps;
 use crate::stream::Stream;
 use crate::vertex_format::VertexFormat;
 use chpm_extmem::Cancel;
-use chpm_mesh::Scalar;
+use chpm_mesh::{Counted, Scalar};
 
 /// Stanford PLY.
 pub(crate) const FORMAT: Format = Format {
@@ -88,12 +88,19 @@ impl MeshReader for PlyMesh {
             ..SourceInfo::default()
         };
         info.warnings.extend(steps.and_then(|steps| steps.warning()));
-        if let Some(Texture { table, degenerate, joined, .. }) = texture {
+        if let Some(Texture { mut table, degenerate, joined, .. }) = texture {
             info.tally.degenerate_faces += degenerate;
             let told = || {
                 format!("joined {joined} vertices of equal position, which texture coordinates had doubled")
             };
             info.warnings.extend((joined > 0).then(told));
+            let wrong = reader.wrongly_textured();
+            if wrong > 0 {
+                table.lack(format!(
+                    "{} without an image: none of that number is there, or coordinates are not those of the corners",
+                    Counted(wrong, "face")
+                ))?;
+            }
             info.warnings.extend(table.warnings());
             info.beside = table.beside(&cancel)?;
             info.textures = table.finish(false);

@@ -106,6 +106,11 @@ impl<R: Read> PlyReader<R> {
         std::mem::swap(out, &mut self.body.coordinates);
     }
 
+    /// Faces up to now whose image or coordinates are none that there may be.
+    pub(super) fn wrongly_textured(&self) -> u64 {
+        self.body.wedges.as_ref().map_or(0, |wedges| wedges.wrong)
+    }
+
     /// Header of the file.
     pub fn header(&self) -> &Header {
         &self.header

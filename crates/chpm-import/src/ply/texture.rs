@@ -115,6 +115,7 @@ impl Texture {
             number,
             cutter: Cutter::default(),
             uv: Vec::new(),
+            wrong: 0,
         });
         if of_vertices.is_some() {
             let coordinates = BufferWriter::new(store, "texture coordinates", 0)?;

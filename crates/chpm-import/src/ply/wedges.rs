@@ -19,6 +19,8 @@ pub(super) struct Wedges {
     pub(super) number: Option<usize>,
     pub(super) cutter: Cutter,
     pub(super) uv: Vec<[f32; 2]>,
+    /// Faces whose image or coordinates are none that there may be.
+    pub(super) wrong: u64,
 }
 
 impl<R: Read> Body<R> {
@@ -77,7 +79,8 @@ impl<R: Read> Body<R> {
 }
 
 impl Wedges {
-    /// A face of the image of this number, if there is one. Coordinates that vertices have are not known here.
+    /// A face of the image of this number, if there is one. Coordinates that vertices have are not known here. A face without an image is of number -1, or has
+    /// no coordinates.
     fn add(&mut self, corners: &[u32], number: f64, batch: &mut Batch) {
         if self.coordinates.is_none() {
             self.uv.resize(corners.len(), [f32::NAN; 2]);
@@ -86,6 +89,8 @@ impl Wedges {
         if is_number && self.uv.len() == corners.len() {
             let material = self.materials[number as usize];
             self.cutter.cut(corners, &self.uv, material, &mut batch.textured);
+        } else if number != -1.0 && !self.uv.is_empty() {
+            self.wrong += 1;
         }
     }
 }

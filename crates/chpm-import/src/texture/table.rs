@@ -27,6 +27,8 @@ pub(crate) struct Table {
     files: Vec<PathBuf>,
     lost: u64,
     told: Vec<String>,
+    /// Reasons for faces without an image where there are images, in words, and how many more there are.
+    lacks: (Vec<String>, u64),
     bytes: u64,
     /// Memory for all of it, where it is kept.
     share: Option<Reservation>,
@@ -44,6 +46,7 @@ impl Table {
             files: Vec::new(),
             lost: 0,
             told: Vec::new(),
+            lacks: (Vec::new(), 0),
             bytes: 0,
             share,
         })
@@ -83,6 +86,21 @@ impl Table {
         self.lost += 1;
         if self.told.len() < TOLD {
             self.told.push(told);
+        }
+        Ok(())
+    }
+
+    /// Notes why faces have no image.
+    pub(crate) fn lack(&mut self, told: String) -> Result<(), ImportError> {
+        if self.asked == Images::Required {
+            return Err(ImportError::Unsupported(format!(
+                "{told}: mend the source, or leave them as they are with --missing-images grey"
+            )));
+        }
+        if self.lacks.0.len() < TOLD {
+            self.lacks.0.push(told)
+        } else {
+            self.lacks.1 += 1
         }
         Ok(())
     }
@@ -157,6 +175,9 @@ impl Table {
         let mut warnings: Vec<String> = self.told.iter().map(|told| format!("{told}: {becomes}")).collect();
         let more = self.lost - self.told.len() as u64;
         warnings.extend((more > 0).then(|| format!("{more} more images are not there: {becomes}")));
+        let (told, more) = &self.lacks;
+        warnings.extend(told.iter().cloned());
+        warnings.extend((*more > 0).then(|| format!("{more} more materials were in no library")));
         warnings
     }
 

@@ -2,6 +2,7 @@
 
 mod damaged_textures;
 mod hostile;
+mod materials;
 mod obj;
 mod stl;
 mod textures;

@@ -74,6 +74,20 @@ fn text_may_be_written_otherwise() {
 }
 
 #[test]
+fn a_facet_may_be_one_line() {
+    let facet =
+        "facet normal 0 -nan(ind) 1 outer loop vertex 0 0 0 vertex 1 0 0 vertex 0 1 0 endloop endfacet";
+    for (text, count) in [
+        (format!("solid a\n{facet}\n{facet}\nendsolid a"), 2),
+        (format!("solid\n{facet} {facet} endsolid"), 2),
+        ("solid\nFacet Normal 0 0 1 Vertex 0 0 0\nvertex 1 0 0 vertex 0 1 0\nendfacet\nfacet normal 0 0 1 endfacet\nendsolid".to_owned(), 1),
+    ] {
+        let (facets, ..) = read(text.as_bytes(), true, Invalid::Refuse).unwrap();
+        assert_eq!(facets, vec![[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]; count], "{text}");
+    }
+}
+
+#[test]
 fn attributes_and_trailing_bytes_are_told() {
     let mut bytes = binary(&soup(3));
     bytes[84 + 50 + 48] = 1;

@@ -2,8 +2,9 @@
 
 use crate::site::{Built, Random};
 use chpm_measure::Bvh;
-use chpm_mesh::{Bytes, geom};
+use chpm_mesh::{Bytes, TriMesh, geom};
 use chpm_proximity::{Gauge, Model, Pose};
+use chpm_synth::hard::Case;
 use chpm_synth::{Shape, Synth, hand};
 
 /// Signed distances of points in the world.
@@ -74,6 +75,59 @@ fn what_is_inside_is_negative() {
                 _ => away < 1.0,
             };
             assert_eq!(distance < 0.0, inside, "{point:?}: {distance}");
+        }
+    }
+}
+
+/// How often a closed surface goes around a point: the solid angles of its triangles, in turns.
+fn winding(mesh: &TriMesh, point: [f32; 3]) -> f64 {
+    let angle = |triangle: &[u32; 3]| {
+        let corners = triangle.map(|vertex| geom::to_f64(mesh.positions[vertex as usize]));
+        let [a, b, c] = corners.map(|corner| corner - geom::to_f64(point));
+        let [x, y, z] = [a, b, c].map(|way| way.norm());
+        let below = x * y * z + a.dot(&b) * z + b.dot(&c) * x + c.dot(&a) * y;
+        2.0 * a.dot(&b.cross(&c)).atan2(below)
+    };
+    mesh.triangles.iter().map(angle).sum::<f64>() / (4.0 * std::f64::consts::PI)
+}
+
+#[test]
+fn signs_are_those_of_the_winding_number_where_vertices_and_edges_are_nearest() {
+    let spikes = |count| Case::find("spikes").unwrap().mesh(count);
+    let mut random = Random::new(41);
+    for (name, mesh) in [
+        ("spikes", spikes(600)),
+        ("more spikes", spikes(3000)),
+        ("isosurface", Synth::new(Shape::Isosurface, 1500, 1).to_mesh()),
+    ] {
+        let built = Built::new(name, mesh, [0.0; 3], false);
+        let (center, size) = (built.center(), built.diagonal());
+        let mut about =
+            |from: [f64; 3], reach: f64| from.map(|x| (x + reach * size * random.signed()) as f32);
+        // Near and far from vertices, and around all of it.
+        let mut points: Vec<[f32; 3]> = (0..1000).map(|_| about(center, 1.5)).collect();
+        for vertex in built.mesh.positions.iter().cycle().take(1000) {
+            points.push(about(vertex.map(f64::from), 0.01));
+            points.push(about(vertex.map(f64::from), 0.2));
+        }
+        let sides: Vec<f64> = points.iter().map(|point| winding(&built.mesh, *point)).collect();
+        for tolerance in [0.0, 0.002 * size] {
+            let mut looked = [0; 2];
+            for ((point, distance), turns) in
+                points.iter().zip(measure(&built, &points, tolerance)).zip(&sides)
+            {
+                if distance.abs() <= tolerance + 1e-6 * size {
+                    continue;
+                }
+                assert!((turns - turns.round()).abs() < 1e-6, "{name} is open: {turns}");
+                assert_eq!(
+                    distance < 0.0,
+                    *turns > 0.5,
+                    "{name}, {point:?}: {distance}, {turns}, {tolerance}"
+                );
+                looked[usize::from(distance < 0.0)] += 1;
+            }
+            assert!(looked[0] > 500 && looked[1] > 50, "{name}: {looked:?}");
         }
     }
 }
