@@ -61,7 +61,7 @@ pub(crate) fn plan(
     tasks.collect()
 }
 
-/// What has the name of the memo of an output, and is none.
+/// A file that has the name of an output's memo, and is none.
 fn foreign_memo(config: &BuildConfig, output: &Path) -> Option<PathBuf> {
     let path = memo_beside(output);
     let is_there = config.resources.memo && path.symlink_metadata().is_ok();
