@@ -80,6 +80,7 @@ test("what the near plane cuts, and what is before the eye's back, is not hidden
 function staged() {
   const stage = { hidden: () => false, answer: null };
   const renderer = {
+    painted: 0,
     occlusion: { isAsking: false },
     size: () => [WIDTH, HEIGHT],
     ask(_, then) {
@@ -93,13 +94,13 @@ function staged() {
   let heard = 0;
   const sight = new Sight(null, { center: [0, 0, 0], stretch: [1, 1, 1], scale: 1 }, renderer, () => (heard += 1));
   const group = (id) => ({ id, sphere: { center: [id, 0, 0], radius: 0 } });
-  const frame = (turn, now, cut, isComplete = true) => {
-    sight.begin({ matrix: () => [turn] }, null, true, now);
+  const frame = (turn, now, cut, isComplete = true, sheets = false) => {
+    sight.begin({ matrix: () => [turn] }, sheets, null, true, now);
     const hidden = [1, 2].filter((id) => sight.hides(group(id)));
     sight.end(cut, isComplete);
     return hidden;
   };
-  return { stage, sight, frame, heard: () => heard };
+  return { stage, sight, frame, renderer, heard: () => heard };
 }
 
 const [A, B] = [[{ cluster: 1, bound: 1 }], [{ cluster: 2, bound: 1 }]];
@@ -154,4 +155,21 @@ test("where no answer comes, nothing is hidden, and nothing is waited for", () =
   assert.equal(heard(), 1);
   assert.deepEqual(frame(0, 1, B), []);
   assert.ok(sight.knows(B) && sight.isReady() && !sight.hidesCluster({ boxMin: [1, 0, 0], boxMax: [1, 0, 0] }));
+});
+
+test("a sheet that comes may have holes: what was hidden is asked about anew", () => {
+  const { stage, sight, frame, renderer } = staged();
+  stage.hidden = () => true;
+  frame(0, 0, A, true, true);
+  stage.answer();
+  assert.deepEqual(frame(0, 1, A, true, true), [1, 2]);
+  assert.ok(sight.knows(A));
+  for (const [painted, sheets] of [[1, true], [1, false]]) {
+    renderer.painted = painted;
+    frame(0, 2, A, true, sheets);
+    assert.ok(!sight.knows(A));
+    stage.answer();
+    frame(0, 3, A, true, sheets);
+    assert.ok(sight.knows(A));
+  }
 });

@@ -110,7 +110,7 @@ export class Model {
     const painter = sheets ? this.painter : null;
     const texel = painter && ((group) => file.texel(group));
     // Of a cut by a plane all is told, also what is hidden.
-    sight.begin(orbit, this.regions, culls && !cutting);
+    sight.begin(orbit, Boolean(painter), this.regions, culls && !cutting);
     const hides = (group) => sight.hides(group);
     const camera = { eye, fov: orbit.fov, near: orbit.range()[0], height: Math.max(height, 1), planes, regions: this.regions, texel, hides };
     const rule = (times) => cameraRule({ ...camera, pixels: pixels * fine * this.relaxed * times });

@@ -126,7 +126,7 @@ export class Renderer {
   constructor(canvas) {
     const gl = canvas.getContext("webgl2", { antialias: false, depth: false, alpha: true });
     if (!gl) throw new Error("this browser has no WebGL 2, which the page draws with");
-    Object.assign(this, { gl, canvas, blocks: new Map(), bytes: 0, frame: 0 });
+    Object.assign(this, { gl, canvas, blocks: new Map(), bytes: 0, frame: 0, painted: 0 });
     this.program = program(gl, VERTEX, FRAGMENT);
     this.ambient = new Ambient(gl, program);
     this.occlusion = new Occlusion(gl, program);
@@ -161,6 +161,8 @@ export class Renderer {
     // Where a texture had to go, all else is as it was.
     const copies = known ?? new Copies(page, sheet);
     this.remove(id);
+    /** Sheets that have come, all counted. */
+    this.painted += 1;
     const { bytes: uploaded, ...parts } = this.#upload(page, place, copies);
     const { texture, bytes } = this.textures.make(bitmap);
     this.#keep(id, { page, copies, texture, halvings, texels: bytes, ...parts, bytes: uploaded + bytes, used });

@@ -30,14 +30,20 @@ export class Sight {
     this.told = new Map();
   }
 
-  /** Begins a picture of a camera. `regions` are those of the file, if they are known; not `isOn`, nothing is hidden. */
-  begin(orbit, regions, isOn, now = performance.now()) {
+  /**
+   * Begins a picture of a camera.
+   * @param sheets whether sheets are shown: some hide less than what is behind them
+   * @param regions those of the file, if they are known
+   * @param isOn if not, nothing is hidden
+   */
+  begin(orbit, sheets, regions, isOn, now = performance.now()) {
     const [width, height] = this.renderer.size();
     const matrix = orbit.matrix(this.place, width / height);
-    const view = `${width} ${height} ${matrix.join(" ")}`;
-    const isSame = this.answer?.view === view;
-    if (isSame !== this.isSame || regions !== this.regions) this.told.clear();
-    Object.assign(this, { matrix, view, isSame, regions, isOn: isOn && !this.isBlind, now });
+    const camera = `${width} ${height} ${matrix.join(" ")}`;
+    const view = `${camera} ${sheets ? this.renderer.painted : "bare"}`;
+    const [isSame, isThere] = [this.answer?.view === view, this.answer?.camera === camera];
+    if (isSame !== this.isSame || isThere !== this.isThere || regions !== this.regions) this.told.clear();
+    Object.assign(this, { matrix, camera, view, isSame, isThere, regions, isOn: isOn && !this.isBlind, now });
   }
 
   /** Whether all that is below a group is hidden, as far as anybody knows. */
@@ -67,7 +73,7 @@ export class Sight {
   #isBehind(low, high) {
     const { center, stretch, scale } = this.place;
     const placed = (corner) => corner.map((x, axis) => (x * stretch[axis] - center[axis]) / scale);
-    return this.answer.depths.hides(placed(low), placed(high), this.isSame);
+    return this.answer.depths.hides(placed(low), placed(high), this.isThere);
   }
 
   /** Whether pages are to be fetched for this picture: not before it is known what of it is hidden, unless the camera goes on. */
@@ -89,13 +95,13 @@ export class Sight {
 
   /** The picture of a cut has been drawn: asks about it where the view is another one, or nothing is still to come. One question at a time. */
   end(cut, isComplete) {
-    const { view, matrix, renderer } = this;
+    const { camera, view, matrix, renderer } = this;
     if (renderer.occlusion.isAsking || (this.isSame && !isComplete) || this.knows(cut)) return;
     this.asked = { view, cut };
     renderer.ask(matrix, (depths) => {
       // A graphics card that does not answer is not asked again.
       this.isBlind = depths === null;
-      this.answer = depths && { depths, view };
+      this.answer = depths && { depths, camera, view };
       this.told.clear();
       this.hear();
     });
