@@ -141,6 +141,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
             Some(Further { mesh: coarser, distance }) => (mesh.replaced(coarser, distance), Some(distance)),
             None => (mesh, proven),
         };
+        let is_whole = mesh.triangle_count() == file.header().source_triangle_count;
         // What its order, or its images, take is known only now.
         let images = args
             .texture_size
@@ -153,7 +154,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         if let Some(asked) = bound.map(|bound| bound.of(diagonal)) {
             let (distance, asked) = (f64::from(bounds.distance), Units(asked));
             ensure!(
-                distance <= asked.0 || distance > 2.0 * rounding,
+                distance <= asked.0 || !is_whole,
                 "nothing is within {asked} units: what writing rounds is {}; ask for at least that",
                 AtMost(distance)
             );

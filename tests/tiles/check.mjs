@@ -111,17 +111,17 @@ function browse() {
     const profile = mkdtempSync(join(tmpdir(), "chromium-"));
     let browser;
     const end = async () => {
-      browser.kill();
+      // With all processes that it has started: they would go on writing.
+      process.kill(-browser.pid, "SIGKILL");
       await once(browser, "exit");
       server.close();
       server.closeAllConnections();
-      // Processes that it has started end a while later.
       rmSync(profile, { recursive: true, force: true, maxRetries: 20 });
     };
     server.listen(0, "127.0.0.1", () => {
       const url = `http://127.0.0.1:${server.address().port}/page.html`;
       const flags = ["--headless=new", "--no-sandbox", "--disable-gpu", `--user-data-dir=${profile}`, url];
-      browser = spawn(process.env.CHROMIUM ?? "chromium", flags, { stdio: "ignore" });
+      browser = spawn(process.env.CHROMIUM ?? "chromium", flags, { stdio: "ignore", detached: true });
       browser.on("error", fail);
     });
   });
