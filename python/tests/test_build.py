@@ -74,7 +74,7 @@ def test_a_source_that_changes_is_built_anew_where_it_has_changed(tmp_path):
     chpm.build(vertices, mesh.faces, tmp_path / "new.chpm", update=tmp_path / "old.chpm", **settings).close()
     for name in ["{}.chpm", "{}.chpm.memo"]:
         assert (tmp_path / name.format("new")).read_bytes() == (tmp_path / name.format("nothing")).read_bytes()
-    with pytest.raises(chpm.FileError, match=r"plain\.chpm\.memo"):
+    with pytest.raises(chpm.BuildError, match=r"plain\.chpm\.memo"):
         chpm.build(source, tmp_path / "plain.chpm", **settings).close()
         chpm.build(source, tmp_path / "other.chpm", update=tmp_path / "plain.chpm", **settings)
     with pytest.raises(ValueError, match="updatable: such a build is not gone on with"):
