@@ -1,11 +1,5 @@
 // Light that comes from all around reaches less of what lies in a hollow: found from the depths of the picture, for a picture at rest.
 
-const WHOLE = `#version 300 es
-void main() {
-  vec2 corner = vec2((gl_VertexID << 1) & 2, gl_VertexID & 2);
-  gl_Position = vec4(2.0 * corner - 1.0, 0.0, 1.0);
-}`;
-
 const DARKEN = `#version 300 es
 precision highp float;
 uniform sampler2D picture;
@@ -65,10 +59,10 @@ void main() {
 
 /** A picture with depths, drawn into with all samples, and put on the canvas from there. */
 export class Ambient {
-  /** @param make compiles a program of two shaders */
+  /** @param make compiles a program that is drawn all over a picture */
   constructor(gl, make) {
     this.gl = gl;
-    this.program = make(gl, WHOLE, DARKEN);
+    this.program = make(DARKEN);
     this.places = Object.fromEntries(["picture", "depths", "depth", "slope", "aside", "reach"].map((name) => [name, gl.getUniformLocation(this.program, name)]));
     this.nothing = gl.createVertexArray();
     this.size = [0, 0];

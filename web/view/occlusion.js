@@ -11,12 +11,6 @@ const MOST = 4;
 /** Time from one look whether an answer is there to the next, and after which none is waited for, ms. */
 const [LOOK, LONGEST] = [4, 30000];
 
-const WHOLE = `#version 300 es
-void main() {
-  vec2 corner = vec2((gl_VertexID << 1) & 2, gl_VertexID & 2);
-  gl_Position = vec4(2.0 * corner - 1.0, 0.0, 1.0);
-}`;
-
 const FARTHEST = `#version 300 es
 precision highp float;
 precision highp int;
@@ -92,10 +86,10 @@ export class Pyramid {
 
 /** Asks a graphics card for farthest depths; one question is under way at most. */
 export class Occlusion {
-  /** @param make compiles a program of two shaders */
+  /** @param make compiles a program that is drawn all over a picture */
   constructor(gl, make) {
     this.gl = gl;
-    this.program = make(gl, WHOLE, FARTHEST);
+    this.program = make(FARTHEST);
     this.depths = gl.getUniformLocation(this.program, "depths");
     this.nothing = gl.createVertexArray();
     this.target = gl.createFramebuffer();

@@ -109,6 +109,13 @@ void main() {
   color = vec4(base * lit + 0.09 * shine, 1.0);
 }`;
 
+/** One triangle all over a picture. */
+const WHOLE = `#version 300 es
+void main() {
+  vec2 corner = vec2((gl_VertexID << 1) & 2, gl_VertexID & 2);
+  gl_Position = vec4(2.0 * corner - 1.0, 0.0, 1.0);
+}`;
+
 function program(gl, vertex, fragment) {
   const program = gl.createProgram();
   for (const [kind, text] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
@@ -128,8 +135,9 @@ export class Renderer {
     if (!gl) throw new Error("this browser has no WebGL 2, which the page draws with");
     Object.assign(this, { gl, canvas, blocks: new Map(), bytes: 0, frame: 0, painted: 0 });
     this.program = program(gl, VERTEX, FRAGMENT);
-    this.ambient = new Ambient(gl, program);
-    this.occlusion = new Occlusion(gl, program);
+    const allOver = (fragment) => program(gl, WHOLE, fragment);
+    this.ambient = new Ambient(gl, allOver);
+    this.occlusion = new Occlusion(gl, allOver);
     this.textures = new Textures(gl);
     const names = ["matrix", "eye", "light", "flat_color", "smoothly", "stretch", "clip", "up", "studio", "numbers", "stops", "painted", "sheet"];
     this.places = Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(this.program, name)]));
