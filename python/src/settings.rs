@@ -2,7 +2,7 @@
 
 use crate::error::Failure;
 use chpm_build::config::{Bounds, Layout, MissingImages, Normals, Texture, Topology};
-use chpm_build::{BuildConfig, Division, MIN_MEMORY, Resources, Settings};
+use chpm_build::{BuildConfig, MIN_MEMORY, Resources, Settings};
 use chpm_format::BoundaryMode;
 use chpm_mesh::{Bytes, MemorySize};
 use pyo3::prelude::*;
@@ -57,23 +57,22 @@ impl Given<'_> {
 /// The configuration of a build.
 pub(crate) fn build_config(given: &Bound<'_, PyDict>) -> Result<BuildConfig, Failure> {
     let given = Given(given.copy()?);
-    let mut settings = settings(&given)?;
-    let mut resources = resources(&given)?;
-    resources.update = given.take("update", |value| value.extract::<PathBuf>())?;
-    if given.is_set("updatable")? || resources.update.is_some() {
-        if resources.checkpoint.is_some() {
+    let (settings, resources) = (settings(&given)?, resources(&given)?);
+    let mut config = BuildConfig { settings, resources, overwrite: given.is_set("force")? };
+    let earlier = given.take("update", |value| value.extract::<PathBuf>())?;
+    if given.is_set("updatable")? || earlier.is_some() {
+        if config.resources.checkpoint.is_some() {
             return Err(refused("updatable", "such a build is not gone on with: leave out resume"));
         }
-        (settings.division, resources.memo) = (Division::Cubes, true);
+        config.make_updatable(earlier);
     }
-    let overwrite = given.is_set("force")?;
     if let Some(name) = given.0.keys().iter().next() {
         return Err(refused(
             &name.to_string(),
             "there is no such setting; their names are those of `chpm build --help`, without presets, traces and what is said about how a model is shown",
         ));
     }
-    Ok(BuildConfig { settings, resources, overwrite })
+    Ok(config)
 }
 
 /// One name, or several.

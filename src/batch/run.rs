@@ -163,7 +163,7 @@ fn make(task: &Task, meter: &dyn BuildProgress, cancel: &Cancel) -> Row {
     (row.status, row.error) = match built {
         Ok(Ok(report)) => {
             row.warnings = report.warnings;
-            if let Some(taken) = report.notes.iter().find(|note| note.starts_with("as before: ")) {
+            if let Some(taken) = report.taken_over {
                 row.reason = format!("{}; {taken}", row.reason);
             }
             if let Some(reached) = report.resumed {

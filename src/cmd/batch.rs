@@ -14,7 +14,7 @@ use crate::output;
 use crate::progress::line;
 use crate::stop::Stop;
 use anyhow::{Context, Result, bail, ensure};
-use chpm_build::{BuildConfig, Cancel, Division, MIN_MEMORY};
+use chpm_build::{BuildConfig, Cancel, MIN_MEMORY};
 use chpm_extmem::{AtomicFile, Lock};
 use chpm_mesh::{Bytes, Counted};
 use clap::Parser;
@@ -113,7 +113,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 fn config_of(args: &Args) -> Result<BuildConfig> {
     let mut config = build_config(&args.settings, &args.resources, true)?;
     if args.updatable {
-        (config.settings.division, config.resources.memo) = (Division::Cubes, true);
+        config.make_updatable(None);
     }
     Ok(config)
 }

@@ -13,7 +13,7 @@ use crate::shown::ShownArgs;
 use crate::stop::Stop;
 use crate::tile_list::SourceArgs;
 use anyhow::{Error, Result, bail, ensure};
-use chpm_build::{BuildConfig, BuildError, BuildReport, Division, Trace};
+use chpm_build::{BuildConfig, BuildError, BuildReport, Trace};
 use chpm_extmem::platform::{self, Kind};
 use chpm_extmem::same_file;
 use chpm_mesh::{Bytes, Counted};
@@ -89,8 +89,7 @@ fn run_with(args: &Args, stop: &Stop) -> Result<Verdict> {
     let mut config = build_config(&args.settings, &args.resources, args.force)?;
     config.settings.shown = args.shown.settings();
     if args.updatable || args.update.is_some() {
-        config.settings.division = Division::Cubes;
-        (config.resources.memo, config.resources.update) = (true, args.update.clone());
+        config.make_updatable(args.update.clone());
     }
     let first = super::source(args.sources.first());
     let is_pipe = platform::kind_at(first).is_ok_and(|kind| kind == Kind::Pipe);

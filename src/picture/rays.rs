@@ -12,8 +12,8 @@ use chpm_viewer::{Coloring, Look};
 #[derive(clap::Args, Clone, Debug)]
 #[command(next_help_heading = "Rays")]
 pub(crate) struct RayArgs {
-    /// Take the picture by rays, on the processors alone: no GPU and no driver is needed. Lights throw shadows, and where much is near it is darker. Of one model, in the colours of its vertices, where
-    /// images are left out, one or those of a scalar; --memory is for the whole process
+    /// Take the picture by rays, on the processors alone: no GPU and no driver is needed. Lights throw shadows, and where much is near it is darker. Of one model, in its own colours,
+    /// one or those of a scalar; --memory is for the whole process
     #[arg(long, conflicts_with_all = ["second", "triangles", "no_occlusion", "ids", "wireframe", "one_sided", "adapter", "gpu_memory"])]
     pub(crate) rays: bool,
     /// No shadows

@@ -91,7 +91,7 @@ const FINE: u32 = 64;
 /// The share of the fine board's squares that a picture from above shows in their own colour.
 #[cfg(feature = "viewer")]
 fn share_of_squares(folder: &Folder, name: &str, ask: &str) -> f64 {
-    let camera = "--camera 0.5,0.5,3,0.5,0.5,0,19 --up y --viewport 1024x1024 --adapter software";
+    let camera = "--camera 0.5,0.5,3,0.5,0.5,0,19 --up y --viewport 1024x1024";
     folder.stdout(&format!("render {name}.chpm -o {name}.png -f -q {camera} {ask}"));
     let (width, height, pixels) = picture(folder, &format!("{name}.png"));
     // Half of the picture's side in the plane of the board, and where each square's middle is.
@@ -120,9 +120,13 @@ fn sheets_are_drawn() {
     folder.write("a.png", png(1024, fine, png::ColorType::Rgb));
     folder.stdout(&format!("build a.obj -o sheets.chpm {BUILD}"));
     folder.stdout(&format!("build a.obj -o vertices.chpm {}", BUILD.replace("sheets", "vertices")));
-    for (ask, least) in
-        [("--poe 0", 0.99), ("--triangles 700", 0.9), ("--smooth --poe 0.5 --samples 4", 0.99)]
-    {
+    for (ask, least) in [
+        ("--adapter software --poe 0", 0.99),
+        ("--adapter software --triangles 700", 0.9),
+        ("--adapter software --smooth --poe 0.5 --samples 4", 0.99),
+        ("--rays --poe 0 --samples 1 --occlusion 0 --no-shadows", 0.99),
+        ("--rays --poe 2 --samples 2 --smooth", 0.99),
+    ] {
         let [sheets, vertices] = ["sheets", "vertices"].map(|name| share_of_squares(&folder, name, ask));
         assert!(sheets >= least, "{ask}: {sheets} of the squares");
         assert!(vertices < 0.75, "{ask}: {vertices} without sheets");
@@ -497,7 +501,7 @@ pub(crate) fn points_of(
 /// The share of a picture's pixels that show the model.
 #[cfg(feature = "viewer")]
 fn share_of_model(folder: &Folder, name: &str, ask: &str) -> f64 {
-    let camera = "--camera 0.5,0.5,3,0.5,0.5,0,19 --up y --viewport 512x512 --adapter software --transparent";
+    let camera = "--camera 0.5,0.5,3,0.5,0.5,0,19 --up y --viewport 512x512 --transparent";
     folder.stdout(&format!("render {name}.chpm -o {name}.png -f -q {camera} {ask}"));
     let (.., pixels) = picture(folder, &format!("{name}.png"));
     pixels.iter().map(|pixel| f64::from(pixel[3]) / 255.0).sum::<f64>() / pixels.len() as f64
@@ -522,7 +526,13 @@ fn sheets_are_drawn_with_their_holes() {
     folder.write("a.png", png(256, veiled, png::ColorType::Rgba));
     folder.stdout(&format!("build a.obj -o holes.chpm {BUILD}"));
     folder.stdout(&format!("build a.obj -o whole.chpm {}", BUILD.replace("sheets", "none")));
-    for ask in ["--poe 0", "--triangles 700", "--poe 0 --samples 1"] {
+    for ask in [
+        "--adapter software --poe 0",
+        "--adapter software --triangles 700",
+        "--adapter software --poe 0 --samples 1",
+        "--rays --poe 0 --samples 1 --occlusion 0 --no-shadows",
+        "--rays --poe 3 --samples 2",
+    ] {
         let [holes, whole] = ["holes", "whole"].map(|name| share_of_model(&folder, name, ask));
         let share = holes / whole;
         assert!((share - (0.25 + 0.25 / 3.0)).abs() < 0.01, "{ask}: {share}");

@@ -220,15 +220,44 @@ fn a_flat_model_hides_the_ground_below_it() {
     }
 }
 
+/// Sheets are as much the same as colours of vertices are, and what else is asked for is shown instead.
 #[test]
-fn images_that_rays_leave_out_are_told() {
+fn images_are_what_rays_see() {
+    let folder = super::sheets::textured();
+    let veiled = |u: f64, v: f64| {
+        let alpha = if u > 0.4 && v > 0.4 { 90 } else { 255 };
+        [&super::sheets::board(u, v)[..], &[alpha]].concat()
+    };
+    folder.write("a.mtl", "newmtl a\nmap_Kd a.png\nmap_d a.png\n");
+    folder.write("a.png", super::sheets::png(256, veiled, png::ColorType::Rgba));
+    folder.stdout(&format!("build a.obj -o a.chpm {}", super::sheets::BUILD));
+    folder.stdout(&format!("build a.obj -o bare.chpm {}", super::sheets::BUILD.replace("sheets", "none")));
+    for words in ["--poe 0", "--poe 4 --samples 2 --transparent"] {
+        let words = format!("a.chpm --viewport 80x60 {words}");
+        let one = still(&folder, &format!("{words} --threads 1"));
+        assert!(one == still(&folder, &format!("{words} --threads 3 --memory 64M")), "{words}");
+        assert!(one != still(&folder, &format!("{words} --color plain")), "{words}");
+    }
+    let plain = |name: &str| still(&folder, &format!("{name}.chpm --viewport 80x60 --poe 0 --color plain"));
+    assert!(plain("a") == plain("bare"), "colours are left out with their holes");
+    // What is damaged is no picture.
+    let text = folder.stdout("dump a.chpm");
+    assert!(text.contains("sheet of cluster 0 "));
+    let mut bytes = folder.read("a.chpm");
+    let image = bytes.windows(8).position(|eight| eight == b"\x89PNG\r\n\x1a\n").expect("an image");
+    bytes[image + 100] ^= 1;
+    folder.write("bad.chpm", bytes);
+    let told = folder.stderr("render bad.chpm --rays --viewport 80x60 --poe 0 -o bad.png", 2);
+    assert!(told.contains("sheet of cluster") && !folder.path("bad.png").exists(), "{told}");
+}
+
+#[test]
+fn images_that_a_report_leaves_out_are_told() {
     let folder = super::sheets::textured();
     folder.stdout(&format!("build a.obj -o a.chpm {}", super::sheets::BUILD));
     let told = |words: &str| {
         folder.stderr(words, 0).contains("colours of vertices, not the images that 'a.chpm' has")
     };
-    assert!(told("render a.chpm --rays --viewport 32x32 -f -o a.png"));
-    assert!(!told("render a.chpm --rays --viewport 32x32 -f -o a.png --color plain"));
     assert!(told("report a.chpm -f -o a.html"));
     assert!(!told("report a.chpm -qf -o a.html"));
 }

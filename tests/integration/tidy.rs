@@ -24,7 +24,7 @@ const EDGES: [(&str, &[&str]); 21] = [
     ("chpm-space", &["chpm-mesh", "chpm-format", "chpm-refine"]),
     ("chpm-proximity", &["chpm-mesh", "chpm-format", "chpm-refine", "chpm-space"]),
     ("chpm-section", &["chpm-mesh", "chpm-format", "chpm-refine"]),
-    ("chpm-rays", &["chpm-mesh", "chpm-format", "chpm-refine", "chpm-space"]),
+    ("chpm-rays", &["chpm-mesh", "chpm-format", "chpm-refine", "chpm-space", "chpm-texture"]),
     (
         "chpm-build",
         &[
@@ -52,10 +52,7 @@ const EDGES: [(&str, &[&str]); 21] = [
             "chpm-texture",
         ],
     ),
-    (
-        "chpm-viewer",
-        &["chpm-mesh", "chpm-format", "chpm-refine", "chpm-extmem", "chpm-image", "chpm-texture"],
-    ),
+    ("chpm-viewer", &["chpm-mesh", "chpm-format", "chpm-refine", "chpm-extmem", "chpm-texture"]),
 ];
 
 /// The modules of chpm-build: each may use those before it.

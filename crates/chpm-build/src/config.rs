@@ -31,6 +31,14 @@ pub struct BuildConfig {
     pub overwrite: bool,
 }
 
+impl BuildConfig {
+    /// Makes a later build able to take over what this one makes, and lets this one take over what is still true of an earlier model.
+    pub fn make_updatable(&mut self, earlier: Option<PathBuf>) {
+        self.settings.division = Division::Cubes;
+        (self.resources.memo, self.resources.update) = (true, earlier);
+    }
+}
+
 /// Settings that decide the output, byte for byte; stored in the file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {

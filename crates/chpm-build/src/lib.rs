@@ -48,5 +48,5 @@ pub use memo::beside as memo_beside;
 pub use output::{Append, OutputFiles};
 pub use pipeline::{build, build_open};
 pub use progress::{BuildProgress, Stage};
-pub use report::{BuildReport, Reached};
+pub use report::{BuildReport, Reached, TakenOver};
 pub use trace::Trace;

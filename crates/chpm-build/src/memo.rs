@@ -5,6 +5,7 @@
 
 use crate::config::GENERATOR;
 use crate::error::BuildError;
+use crate::report::TakenOver;
 use bincode::serde::{decode_from_slice, encode_to_vec};
 use chpm_extmem::{ExtmemError, FailPoints, PartFile, PartWriter, Spool, Store};
 use std::collections::HashSet;
@@ -236,17 +237,21 @@ impl Memo {
         Ok(())
     }
 
-    /// Regions and groups that are as before, in a sentence, if there was anything before; and how many results were damaged.
-    pub(crate) fn notes(&self) -> Vec<String> {
+    /// Regions and groups that are as before, if there was anything before.
+    pub(crate) fn taken_over(&self) -> Option<TakenOver> {
         let told = |kind: usize| {
             let [taken, made] = [&self.taken, &self.made].map(|counts| counts[kind].load(Relaxed));
-            format!("{taken} of {}", taken + made)
+            [taken, taken + made]
         };
-        let (regions, groups) = (told(Owner::Region(0).kind()), told(Owner::Group(0, 0).kind()));
-        let mut notes = Vec::new();
-        if self.updates {
-            notes.push(format!("as before: {regions} regions, {groups} groups of clusters"));
-        }
+        self.updates.then(|| TakenOver {
+            regions: told(Owner::Region(0).kind()),
+            groups: told(Owner::Group(0, 0).kind()),
+        })
+    }
+
+    /// What was taken over, in a sentence, and how many results were damaged.
+    pub(crate) fn notes(&self) -> Vec<String> {
+        let mut notes: Vec<String> = self.taken_over().iter().map(TakenOver::to_string).collect();
         let damaged = self.damaged.load(Relaxed);
         if damaged > 0 {
             notes.push(format!("results that were damaged in the memo, and were made anew: {damaged}"));

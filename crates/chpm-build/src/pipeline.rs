@@ -186,6 +186,7 @@ fn run(
         repairs: known.repairs,
         warnings: known.facts.warnings,
         resumed: checkpoints.resumed,
+        taken_over: context.memo.as_ref().and_then(Memo::taken_over),
         lattice_step: known.facts.lattice_step,
         notes,
         budget_peak: context.store.budget.peak(),

@@ -157,6 +157,25 @@ impl fmt::Display for Reached {
     }
 }
 
+/// Results that a build took over from an earlier one, each kind by how many there are.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct TakenOver {
+    /// Regions, and of how many.
+    pub regions: [u64; 2],
+    /// Groups of clusters, and of how many.
+    pub groups: [u64; 2],
+}
+
+impl fmt::Display for TakenOver {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [[regions, all_regions], [groups, all_groups]] = [self.regions, self.groups];
+        write!(
+            f,
+            "as before: {regions} of {all_regions} regions, {groups} of {all_groups} groups of clusters"
+        )
+    }
+}
+
 /// Report of a build.
 #[derive(Clone, Debug)]
 pub struct BuildReport {
@@ -182,6 +201,8 @@ pub struct BuildReport {
     pub warnings: Vec<String>,
     /// Where the build went on, if it did not start from the beginning.
     pub resumed: Option<Reached>,
+    /// What was taken over from an earlier build, if there was one to take from.
+    pub taken_over: Option<TakenOver>,
     /// Step that all coordinates are multiples of, if positions were put on a lattice.
     pub lattice_step: Option<f64>,
     /// Notes about earlier work, in words.

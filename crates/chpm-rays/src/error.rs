@@ -1,6 +1,7 @@
 //! Errors of rays.
 
 use chpm_format::FormatError;
+use chpm_mesh::ClusterId;
 use chpm_refine::RefineError;
 
 /// Why rays have no answer.
@@ -10,6 +11,9 @@ pub enum RayError {
     /// A page that is needed is damaged.
     #[error(transparent)]
     Format(#[from] FormatError),
+    /// An image that cannot be decoded.
+    #[error("the image of cluster {} is damaged: build the file anew", .0.0)]
+    Image(ClusterId),
     /// Nothing is known of how far coarse meshes are from the source.
     #[error("{0}; or take the leaves (--error 0)")]
     Unproven(#[from] chpm_space::Unproven),

@@ -20,7 +20,6 @@ pub mod request;
 mod scene;
 pub mod stats;
 #[allow(unreachable_pub, reason = "`gpu` and `fetch` use it")]
-mod texels;
 #[allow(unreachable_pub, reason = "`gpu` and `frame` use it")]
 mod tint;
 mod transform;

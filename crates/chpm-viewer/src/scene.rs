@@ -14,7 +14,6 @@ use crate::fetch::{Fetch, PageData, held_bytes};
 use crate::gpu::TestBox;
 use crate::gpu::block::Layout;
 use crate::request::Budgets;
-use crate::texels::Texels;
 use crate::tint::Tint;
 use borders::Borders;
 use chpm_extmem::MappedFile;
@@ -24,6 +23,7 @@ use chpm_refine::{
     ActiveList, Changes, Front, Hierarchy, Member, Pager, RefineError, Residency, Traffic, View, Wanted,
     is_visible,
 };
+use chpm_texture::sheet::Sizes;
 pub use reach::{Reach, Span};
 use std::cell::Cell;
 use std::sync::Arc;
@@ -539,7 +539,8 @@ pub fn gpu_bytes(file: &Chpm<MappedFile>, tint: &Tint) -> Vec<u64> {
 
 /// Bytes that a cluster takes to be sent: its block, and its sheet.
 fn sent_bytes(file: &Chpm<MappedFile>, cluster: ClusterId, tint: &Tint) -> u64 {
-    let sheet =
-        tint.longest_sheet().map_or(0, |longest| Texels::bytes_of(&file.sheets()[cluster.index()], longest));
+    let sheet = tint
+        .longest_sheet()
+        .map_or(0, |longest| Sizes::bytes_of(file.sheets()[cluster.index()].size, longest));
     Layout::of(file, cluster, tint).bytes() + sheet
 }

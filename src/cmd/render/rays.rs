@@ -37,12 +37,6 @@ pub(super) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let shown = if let Paint::Scalar(_, scalar) = &paint { Some(scalar) } else { None };
     let legend = legend(args, shown, file.scalars().iter())?;
     let header = file.header();
-    if header.has_sheets() && matches!(paint, Paint::Own) && !args.quiet {
-        line(&format!(
-            "warning: rays show colours of vertices, not the images that '{}' has: leave out --rays to see these",
-            args.file.display()
-        ));
-    }
     let mut stretch = [1.0; 3];
     let mut zero = header.origin;
     let Views { cameras, why, note } = views(args, || {

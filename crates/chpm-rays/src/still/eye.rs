@@ -99,6 +99,12 @@ impl Eye {
         Vector::from(point).component_mul(&self.stretch)
     }
 
+    /// How wide a ray is at a point of the file, in its units: as a pixel there that faces the eye.
+    pub(super) fn width(&self, point: [f64; 3]) -> f64 {
+        let pixel = 2.0 * self.half[1] / f64::from(self.size[1]);
+        (self.point(point) - self.at).norm() * pixel / self.stretch.amax()
+    }
+
     /// A normal of the file in the picture; zero stays zero.
     pub(super) fn normal(&self, normal: [f64; 3]) -> Vector {
         let normal = Vector::from(normal).component_div(&self.stretch);

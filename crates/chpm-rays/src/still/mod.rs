@@ -7,18 +7,20 @@
 //! 3. Rays for the light from everywhere go through the mesh that the eye sees. They are of limited length: each reaches as far as its own number says, so that
 //!    what is twice as near hides more.
 //! 4. On smooth surfaces rays begin on the surface that the normals stand for (Hanika, *Hacking the shadow terminator*, Ray Tracing Gems II, 2021).
-//! 5. Numbers come of the pixel and the place in its sequence alone: whatever the threads and the memory, a picture has the same bytes.
+//! 5. Where clusters have images, these are what is seen; what they leave out is seen through by the eye, not by lights.
+//! 6. Numbers come of the pixel and the place in its sequence alone: whatever the threads and the memory, a picture has the same bytes.
 
 mod borders;
 mod eye;
 mod sequence;
 mod shade;
+mod sheet;
 mod skin;
+mod skins;
 
 use crate::caster::{Caster, Memory};
 use crate::error::RayError;
 use crate::ray::{Hit, Ray, Seek};
-use crate::readers::Readers;
 use borders::Borders;
 use chpm_format::Chpm;
 use chpm_mesh::{Aabb, Bytes, ClusterId, Scalar};
@@ -27,7 +29,9 @@ use eye::{Eye, Vector};
 use rayon::prelude::*;
 use sequence::Sequence;
 use shade::{Light, Spot};
+use sheet::Painted;
 use skin::Skin;
+use skins::Skins;
 use std::ops::Range;
 
 /// Meaning of colours.
@@ -35,7 +39,7 @@ use std::ops::Range;
 pub enum Paint {
     /// One colour.
     Plain,
-    /// The source's; plain where it has none.
+    /// The source's: those of the images that clusters have, or of vertices; plain where there are neither.
     Own,
     /// A named scalar, from its lowest value (dark blue) to its highest (yellow), and where its words are among those of a vertex.
     Scalar(Range<usize>, Scalar),
@@ -124,13 +128,19 @@ impl StillMemory {
     pub fn own<D: AsRef<[u8]>>(file: &Chpm<D>, viewport: [u32; 2]) -> u64 {
         let pixels = viewport.map(u64::from).iter().product::<u64>();
         let lists = 24 * file.clusters().len() as u64;
-        Memory::own(file) + Borders::memory(file) + lists + 8 * pixels
+        let image = if file.header().has_sheets() { Painted::MOST } else { 0 };
+        Memory::own(file) + Borders::memory(file) + lists + image + 8 * pixels
     }
 }
 
 /// Rays of a pixel for soft shadows and for light from everywhere, at least.
 const SHADOWS: u32 = 16;
 const OPENS: u32 = 32;
+
+/// Most surfaces that a ray goes on behind.
+const LAYERS: u64 = 64;
+/// The first of the sequences that tell of half seen surfaces who sees them.
+const HOLES: u64 = 1 << 32;
 
 /// Takes a picture of the caster's file, on the threads of rayon's current pool. Asks `go_on` before each page, and tells `step` how many pixels more are done.
 ///
@@ -161,7 +171,6 @@ pub fn draw<D: AsRef<[u8]> + Sync>(
 
 /// All that the parts of a picture have in common.
 struct Studio<'s, 'a, D> {
-    file: &'a Chpm<D>,
     still: &'s Still,
     eye: Eye,
     samples: u32,
@@ -177,11 +186,7 @@ struct Studio<'s, 'a, D> {
     bounds: Aabb,
     /// Of the model and of its coordinates.
     size: f64,
-    borders: Option<Borders>,
-    skins: Vec<Option<Skin>>,
-    used: u64,
-    room: u64,
-    readers: Readers,
+    skins: Skins<'s, 'a, D>,
 }
 
 impl<'s, 'a, D: AsRef<[u8]> + Sync> Studio<'s, 'a, D> {
@@ -194,7 +199,6 @@ impl<'s, 'a, D: AsRef<[u8]> + Sync> Studio<'s, 'a, D> {
             (0..3).map(|axis| sky[axis] * if sky[axis] > 0.0 { low[axis] } else { high[axis] }).sum::<f64>();
         let is_above = sky.dot(&eye.at) > lowest;
         Studio {
-            file,
             still,
             eye,
             samples: still.samples.max(1),
@@ -206,11 +210,7 @@ impl<'s, 'a, D: AsRef<[u8]> + Sync> Studio<'s, 'a, D> {
             ground: (still.ground && is_above && !own.is_empty()).then_some(lowest),
             bounds,
             size: (high - low).norm().max(low.amax()).max(high.amax()),
-            borders: still.smooth.then(|| Borders::new(file, memory.rays.readers)),
-            skins: std::iter::repeat_with(|| None).take(file.clusters().len()).collect(),
-            used: 0,
-            room: memory.skins.0,
-            readers: memory.rays.readers,
+            skins: Skins::new(file, &still.paint, still.smooth, memory.skins.0, memory.rays.readers),
         }
     }
 
@@ -239,6 +239,9 @@ impl<'s, 'a, D: AsRef<[u8]> + Sync> Studio<'s, 'a, D> {
         caster.cast(&rays, &self.eye.bound(), Seek::Nearest, go_on, |hit, _| hits.push(hit))?;
         drop(rays);
         picture.cast.camera += count;
+        if self.skins.have_holes() {
+            picture.cast.camera += self.see_through(caster, finest, &mut hits, &place, &sight, go_on)?;
+        }
         picture.cast.seen += hits.iter().flatten().count() as u64;
 
         // The ground, where nothing is before it. What lies on it is: that its points are below by less than single precision tells nothing.
@@ -295,7 +298,50 @@ impl<'s, 'a, D: AsRef<[u8]> + Sync> Studio<'s, 'a, D> {
         [red, green, blue, 255]
     }
 
-    /// Makes spots of hits, of some clusters at a time.
+    /// Passes rays on that have met what an image leaves out: where it is half seen, half of them.
+    fn see_through(
+        &mut self,
+        caster: &mut Caster<'_, D>,
+        finest: &[bool],
+        hits: &mut [Option<Hit>],
+        place: &(impl Fn(u64) -> (u64, u32) + Sync),
+        sight: &(impl Fn(u64) -> Vector + Sync),
+        go_on: &(impl Fn() -> bool + Sync),
+    ) -> Result<u64, RayError> {
+        let (eye, size, mut count) = (self.eye, self.size, 0);
+        for layer in 0..LAYERS {
+            let is_open = |skin: &Skin, hit: &Hit, n: u64| {
+                let (pixel, sample) = place(n);
+                let [least, _] = Sequence::new(pixel, HOLES + layer).square(sample);
+                skin.opacity(hit.triangle, hit.point, eye.width(hit.point)) <= least
+            };
+            let mut open = Vec::new();
+            self.visit(finest, hits, go_on, is_open, |n, is_open| {
+                if is_open {
+                    open.push(n);
+                }
+            })?;
+            let ray = |n: &usize| {
+                let (hit, way) = (hits[*n]?, sight(*n as u64));
+                let from = eye.point(hit.point) + way * (shade::LIFT * size);
+                Some((*n, eye.ray(from, way, f64::INFINITY)?))
+            };
+            let (from, rays): (Vec<usize>, Vec<Ray>) = open.par_iter().filter_map(ray).unzip();
+            open.iter().for_each(|n| hits[*n] = None);
+            if rays.is_empty() {
+                break;
+            }
+            count += rays.len() as u64;
+            let mut from = from.into_iter();
+            caster.cast(&rays, &eye.bound(), Seek::Nearest, go_on, |hit, _| {
+                let n = from.next().unwrap_or_default();
+                hits[n] = hit;
+            })?;
+        }
+        Ok(count)
+    }
+
+    /// Makes spots of hits.
     fn dress(
         &mut self,
         finest: &[bool],
@@ -304,72 +350,48 @@ impl<'s, 'a, D: AsRef<[u8]> + Sync> Studio<'s, 'a, D> {
         sight: &(impl Fn(u64) -> Vector + Sync),
         go_on: &(impl Fn() -> bool + Sync),
     ) -> Result<(), RayError> {
+        let (eye, size, paint) = (self.eye, self.size, &self.still.paint);
+        let spot = |skin: &Skin, hit: &Hit, n: u64| {
+            let corners = skin.corners(hit.triangle);
+            let seen = (hit.point, eye.width(hit.point));
+            let color = |shares| skin.color(hit.triangle, shares, seen, paint);
+            Spot::new(&eye, eye.point(hit.point), hit.normal, &corners, &sight(n), size, color)
+        };
+        self.visit(finest, hits, go_on, spot, |n, spot| spots[n] = Some(spot))
+    }
+
+    /// Looks at all hits, of some clusters at a time, and takes what is found at each, by its number.
+    fn visit<T: Send>(
+        &mut self,
+        finest: &[bool],
+        hits: &[Option<Hit>],
+        go_on: &(impl Fn() -> bool + Sync),
+        look: impl Fn(&Skin, &Hit, u64) -> T + Sync,
+        mut take: impl FnMut(usize, T),
+    ) -> Result<(), RayError> {
         let met = hits.par_iter().enumerate().filter_map(|(n, hit)| hit.map(|hit| (hit.cluster, n as u32)));
         let mut order: Vec<(ClusterId, u32)> = met.collect();
         order.par_sort_unstable();
         let mut clusters: Vec<ClusterId> = order.iter().map(|(cluster, _)| *cluster).collect();
         clusters.dedup();
-        let mut rest = order.as_slice();
-        let mut at = 0;
-        while at < clusters.len() {
-            let begin = at;
-            let mut due = 0;
-            while at < clusters.len() && (at == begin || due < self.room) {
-                due += Skin::bytes_of(&self.file.clusters()[clusters[at].index()]);
-                at += 1;
-            }
-            self.put_on(finest, &clusters[begin..at], go_on)?;
-            let last = clusters[at - 1];
+        let (mut rest, mut clusters) = (order.as_slice(), clusters.as_slice());
+        while !clusters.is_empty() {
+            let (some, others) = clusters.split_at(self.skins.fitting(clusters));
+            clusters = others;
+            self.skins.put_on(finest, some, go_on)?;
+            let last = some[some.len() - 1];
             let (now, later) = rest.split_at(rest.partition_point(|(cluster, _)| *cluster <= last));
             rest = later;
-            let spot = |(cluster, n): &(ClusterId, u32)| {
-                let (skin, hit) = (self.skins[cluster.index()].as_ref()?, hits[*n as usize]?);
-                let corners = skin.corners(hit.triangle);
-                let at = self.eye.point(hit.point);
-                let color = |shares| skin.color(hit.triangle, shares, &self.still.paint);
-                Some(Spot::new(&self.eye, at, hit.normal, &corners, &sight((*n).into()), self.size, color))
+            let found = |(cluster, n): &(ClusterId, u32)| {
+                let (skin, hit) = (self.skins.get(*cluster)?, hits[*n as usize].as_ref()?);
+                Some(look(skin, hit, (*n).into()))
             };
-            let made: Vec<Option<Spot>> = now.par_iter().map(spot).collect();
-            for ((_, n), made) in now.iter().zip(made) {
-                spots[*n as usize] = made;
+            let found: Vec<Option<T>> = now.par_iter().map(found).collect();
+            for ((_, n), found) in now.iter().zip(found) {
+                if let Some(found) = found {
+                    take(*n as usize, found);
+                }
             }
-        }
-        Ok(())
-    }
-
-    /// Reads what meshes of clusters look like, in place of all others where there is no room.
-    fn put_on(
-        &mut self,
-        finest: &[bool],
-        clusters: &[ClusterId],
-        go_on: &(impl Fn() -> bool + Sync),
-    ) -> Result<(), RayError> {
-        let bytes = |cluster: &ClusterId| Skin::bytes_of(&self.file.clusters()[cluster.index()]);
-        let new = |skins: &[Option<Skin>]| -> Vec<ClusterId> {
-            clusters.iter().copied().filter(|cluster| skins[cluster.index()].is_none()).collect()
-        };
-        let mut missing = new(&self.skins);
-        if self.used + missing.iter().map(bytes).sum::<u64>() > self.room {
-            self.skins.iter_mut().for_each(|skin| *skin = None);
-            self.used = 0;
-            missing = clusters.to_vec();
-        }
-        self.used += missing.iter().map(bytes).sum::<u64>();
-        let file = self.file;
-        let is_finest = |cluster: ClusterId| finest[cluster.index()];
-        if let Some(borders) = self.borders.as_mut().filter(|_| !file.header().attributes().has_normals()) {
-            borders.learn(file, &missing, is_finest, go_on)?;
-        }
-        let (borders, paint) = (self.borders.as_ref(), &self.still.paint);
-        let read = |cluster: &ClusterId| {
-            if !go_on() {
-                return Err(RayError::Stopped);
-            }
-            Ok(Skin::new(&file.page(*cluster)?.view(), is_finest(*cluster), paint, borders))
-        };
-        let made = self.readers.read(&missing, read)?;
-        for (cluster, skin) in missing.into_iter().zip(made) {
-            self.skins[cluster.index()] = Some(skin);
         }
         Ok(())
     }

@@ -21,7 +21,7 @@ pub(super) struct Spot {
 }
 
 /// By how much rays begin above a surface: that of what coordinates may be, which is far more than doubles lose, and far less than a single has.
-const LIFT: f64 = 1e-9;
+pub(super) const LIFT: f64 = 1e-9;
 
 impl Spot {
     /// A point of a triangle, seen along `way`. `size` is that of the model, and of its coordinates; `color` tells that of the corners' shares.

@@ -3,6 +3,7 @@
 use super::Paint;
 use super::borders::Borders;
 use super::eye::Vector;
+use super::sheet::Painted;
 use chpm_format::{ClusterRecord, Page};
 use chpm_mesh::facing::{FLAT, Facing, facings};
 use chpm_mesh::{Places, viridis};
@@ -23,6 +24,8 @@ pub(super) struct Skin {
     colors: Vec<[u8; 3]>,
     /// By vertex, where values are shown instead of colours.
     values: Vec<f64>,
+    /// The image of its surface, where that is shown.
+    pub(super) sheet: Option<Painted>,
 }
 
 /// A corner of a triangle that was met.
@@ -68,7 +71,7 @@ impl Skin {
                 values.extend((0..n).map(value));
             }
         }
-        Skin { triangles, positions: page.positions[..n].to_vec(), codes, colors, values }
+        Skin { triangles, positions: page.positions[..n].to_vec(), codes, colors, values, sheet: None }
     }
 
     /// The corners of a triangle, by its place in the page.
@@ -80,9 +83,24 @@ impl Skin {
         })
     }
 
-    /// The colour of a point of a triangle, by its corners' shares. What is mixed of values is the value, since between two colours of a scale there may be
+    /// How much of a point of a triangle is there, 0 to 1.
+    pub(super) fn opacity(&self, triangle: u32, point: [f64; 3], seen: f64) -> f64 {
+        self.sheet.as_ref().map_or(1.0, |sheet| sheet.texel(triangle, point, seen)[3])
+    }
+
+    /// The colour of a point of a triangle, by its corners' shares, and where there is an image by the point itself and how much of it a ray sees. What is mixed of values is the value, since between two colours of a scale there may be
     /// others than their mixture; a corner whose value is no number has a colour all the same.
-    pub(super) fn color(&self, triangle: u32, shares: [f64; 3], paint: &Paint) -> [f64; 3] {
+    pub(super) fn color(
+        &self,
+        triangle: u32,
+        shares: [f64; 3],
+        (point, seen): ([f64; 3], f64),
+        paint: &Paint,
+    ) -> [f64; 3] {
+        if let Some(sheet) = &self.sheet {
+            let [red, green, blue, _] = sheet.texel(triangle, point, seen);
+            return [red, green, blue];
+        }
         let corners = self.triangles[triangle as usize].map(usize::from);
         let of_scale = |value| match paint {
             Paint::Scalar(_, scalar) => scalar.range.fraction(value).map_or(NONE, viridis),
@@ -118,15 +136,17 @@ mod tests {
             codes: Vec::new(),
             colors: Vec::new(),
             values: values.to_vec(),
+            sheet: None,
         };
+        const NOWHERE: ([f64; 3], f64) = ([0.0; 3], 0.0);
         let near = |a: [f64; 3], b: [u8; 3]| (0..3).all(|c| (a[c] - f64::from(b[c]) / 255.0).abs() < 1e-9);
         let two = skin([0.0, 4.0, 2.0]);
-        assert!(near(two.color(0, [0.0, 0.5, 0.5], &paint), viridis(0.5)));
-        assert!(near(two.color(0, [0.5, 0.25, 0.25], &paint), viridis(0.5)));
-        assert!(near(two.color(0, [0.0, 0.75, 0.25], &paint), viridis(0.25)));
+        assert!(near(two.color(0, [0.0, 0.5, 0.5], NOWHERE, &paint), viridis(0.5)));
+        assert!(near(two.color(0, [0.5, 0.25, 0.25], NOWHERE, &paint), viridis(0.5)));
+        assert!(near(two.color(0, [0.0, 0.75, 0.25], NOWHERE, &paint), viridis(0.25)));
         // Grey is what has no value, and what is near to it.
         let some = skin([f64::NAN, 4.0, 4.0]);
-        assert!(near(some.color(0, [0.0, 1.0, 0.0], &paint), NONE));
-        assert!(near(some.color(0, [1.0, 0.0, 0.0], &paint), viridis(1.0)));
+        assert!(near(some.color(0, [0.0, 1.0, 0.0], NOWHERE, &paint), NONE));
+        assert!(near(some.color(0, [1.0, 0.0, 0.0], NOWHERE, &paint), viridis(1.0)));
     }
 }

@@ -14,6 +14,7 @@ mod pack;
 mod plan;
 mod raster;
 mod sample;
+mod sizes;
 mod vector;
 
 pub use crate::texels::Texel;
@@ -22,3 +23,4 @@ pub use halve::halved;
 pub use pack::pack;
 pub use plan::{Paint, Plan, Surface};
 pub use sample::{Pixels, Region, rows};
+pub use sizes::{LEVELS, Sizes, fitted};

@@ -4,11 +4,11 @@ use super::Shared;
 use crate::ViewerError;
 use crate::gpu::Block;
 use crate::gpu::block::Layout;
-use crate::texels::Texels;
 use chpm_extmem::MappedFile;
 use chpm_extmem::platform::read_exact_at;
 use chpm_format::{Chpm, Page, Sheet, SheetLayout, SheetRecord};
 use chpm_mesh::{Chart, ClusterId};
+use chpm_texture::sheet::Sizes;
 use std::fmt;
 use std::fs::File;
 use std::path::PathBuf;
@@ -28,7 +28,7 @@ pub struct PageData {
     block: Mutex<Option<Block>>,
     /// Its sheet as it is stored, where it is drawn; and as the GPU is to have it, until somebody takes that, from the same room.
     sheet: Option<Stored>,
-    texels: Mutex<Option<Texels>>,
+    texels: Mutex<Option<Sizes>>,
 }
 
 /// A sheet whose layout was checked, and whose image was not decoded.
@@ -79,11 +79,11 @@ impl PageData {
             self.block = Mutex::new(Some(Block::tinted(&self.page(), tint, layout.charts)));
         }
         if let (Some(sheet), Some(longest)) = (&self.sheet, tint.longest_sheet())
-            && shared.take_room(Texels::bytes_of(&sheet.record, longest))
+            && shared.take_room(Sizes::bytes_of(sheet.record.size, longest))
         {
             let texels = sheet.texels(longest);
             if texels.is_none() {
-                shared.give_room_back(Texels::bytes_of(&sheet.record, longest));
+                shared.give_room_back(Sizes::bytes_of(sheet.record.size, longest));
             }
             self.texels = Mutex::new(texels);
         }
@@ -102,16 +102,16 @@ impl PageData {
     }
 
     /// The sheet's texels: made by the reader and handed out once, or made now. None where no sheet is drawn, or its image cannot be decoded.
-    pub fn texels(&self) -> Option<Texels> {
+    pub fn texels(&self) -> Option<Sizes> {
         let longest = self.charged.as_ref()?.tint.longest_sheet()?;
         self.take_texels().or_else(|| self.sheet.as_ref()?.texels(longest))
     }
 
-    fn take_texels(&self) -> Option<Texels> {
+    fn take_texels(&self) -> Option<Sizes> {
         let texels = self.texels.lock().unwrap_or_else(PoisonError::into_inner).take();
         if let (Some(_), Some(shared), Some(sheet)) = (&texels, &self.charged, &self.sheet) {
             let longest = shared.tint.longest_sheet().unwrap_or(0);
-            shared.give_room_back(Texels::bytes_of(&sheet.record, longest));
+            shared.give_room_back(Sizes::bytes_of(sheet.record.size, longest));
         }
         texels
     }
@@ -184,8 +184,8 @@ impl Stored {
         }))
     }
 
-    fn texels(&self, longest: u32) -> Option<Texels> {
-        let texels = Texels::decode(&self.record, &self.image, longest);
+    fn texels(&self, longest: u32) -> Option<Sizes> {
+        let texels = Sizes::decode(self.record.size, &self.image, longest);
         self.is_damaged.store(texels.is_none(), Ordering::Relaxed);
         texels
     }

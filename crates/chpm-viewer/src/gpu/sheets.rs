@@ -7,10 +7,10 @@ use super::block::CHARTS_HEAD;
 use super::context::Gpu;
 use super::pipelines::group;
 use crate::error::ViewerError;
-use crate::texels::{LEVELS, Texels, fitted};
 use chpm_extmem::MappedFile;
 use chpm_format::{Chpm, SheetLayout, SheetRecord};
 use chpm_mesh::{Bytes, ClusterId};
+use chpm_texture::sheet::{LEVELS, Sizes, fitted};
 use etagere::{AllocId, AllocatorOptions, AtlasAllocator, size2};
 use wgpu::{Extent3d, FilterMode, TextureFormat, TextureUsages};
 
@@ -66,8 +66,7 @@ impl std::fmt::Debug for Sheeted {
 
 /// Bytes of a texture and all its sizes.
 pub fn bytes_of(side: u32) -> u64 {
-    let record = SheetRecord { size: [side as u16; 2], ..SheetRecord::default() };
-    Texels::bytes_of(&record, side)
+    Sizes::bytes_of([side as u16; 2], side)
 }
 
 /// Side of the textures that a budget has, and how many of them all sheets of a file need at most; none where there is no room for one.
@@ -82,7 +81,7 @@ pub fn extent(file: &Chpm<MappedFile>, budget: Bytes, limit: u32) -> Option<(u32
     }
     // Half of a texture may be lost between shelves.
     let texels: u64 =
-        file.sheets().iter().map(|sheet| fitted(sheet, side).1.map(u64::from)).map(|[w, h]| w * h).sum();
+        file.sheets().iter().map(|sheet| fitted(sheet.size, side).1.map(u64::from)).map(|[w, h]| w * h).sum();
     let needed = (2 * texels).div_ceil(u64::from(side).pow(2)) + 1;
     Some((side, needed.min(budget.0 / bytes_of(side))))
 }
@@ -91,7 +90,7 @@ impl Placed {
     /// Words that tell shaders where a sheet is, in a texture of such a side, and its charts; see `sheets.wgsl`.
     pub fn words(&self, layout: &SheetLayout, record: &SheetRecord, side: u32) -> Vec<u32> {
         let texel = 1.0 / side as f32;
-        let scale = texel / (1u32 << fitted(record, side).0) as f32;
+        let scale = texel / (1u32 << fitted(record.size, side).0) as f32;
         let [column, row] = self.at.map(|at| at as f32 * texel);
         let [x, y, z] = layout.origin;
         let head: [f32; CHARTS_HEAD as usize] = [x, y, z, scale, column, row, 0.0, 0.0];
@@ -164,7 +163,7 @@ impl Sheets {
         record: &SheetRecord,
         frame: u64,
     ) -> Result<bool, ViewerError> {
-        let (_, size) = fitted(record, self.side);
+        let (_, size) = fitted(record.size, self.side);
         let mut found = self.find(size);
         if found.is_none() && self.room > 0 {
             self.room -= 1;
@@ -183,7 +182,7 @@ impl Sheets {
             found = self.make_room(size, frame);
         }
         let Some((texture, at, id)) = found else { return Ok(false) };
-        let bytes = Texels::bytes_of(record, self.side);
+        let bytes = Sizes::bytes_of(record.size, self.side);
         self.placed[cluster.index()] = Some(Placed { texture, at, id, used: frame, bytes });
         self.kept.push(cluster);
         self.used_bytes += bytes;
@@ -191,7 +190,7 @@ impl Sheets {
     }
 
     /// Writes the texels of a sheet that has a place.
-    pub fn write(&mut self, gpu: &Gpu, cluster: ClusterId, texels: &Texels) {
+    pub fn write(&mut self, gpu: &Gpu, cluster: ClusterId, texels: &Sizes) {
         let Some(Placed { texture, at, .. }) = self.placed[cluster.index()] else { return };
         for (level, ([width, height], pixels)) in (0..).zip(&texels.levels) {
             let origin = wgpu::Origin3d { x: at[0] >> level, y: at[1] >> level, z: 0 };
