@@ -1,6 +1,5 @@
 //! Meshes that are taken further than the file goes, vertex by vertex, as long as that can be proven.
 
-use crate::args::MemorySize;
 use crate::progress::{Meter, line};
 use crate::threads::ThreadArgs;
 use anyhow::Result;
@@ -38,7 +37,7 @@ pub(crate) fn mesh(
     let tiles = match certify::room(free, source, drawn) {
         Ok(tiles) => tiles,
         Err(missing) => {
-            let missing = MemorySize(Bytes(missing));
+            let missing = Bytes(missing);
             line(&format!(
                 "warning: going on vertex by vertex would take {missing} more memory: --effort 1 it is"
             ));

@@ -103,6 +103,11 @@ pub(crate) fn promised(path: &Path) -> Promise {
 
 /// Refuses to call a folder as a file of some format is called. What has another extension may be one.
 pub(crate) fn check_folder(by: &str, path: &Path) -> Result<()> {
+    ensure!(
+        !is_stdout(path),
+        "{by} makes a folder, which cannot go to standard output ('{}'): name one",
+        path.display()
+    );
     if let Promise::Format(format) = promised(path)
         && !path.is_dir()
     {
@@ -353,7 +358,7 @@ mod tests {
         for good in ["out", "example.org", "site.v2", "."] {
             assert!(check_folder("share", Path::new(good)).is_ok(), "{good}");
         }
-        for bad in ["index.html", "a.zip", "a/b.glb", "a.chpm"] {
+        for bad in ["index.html", "a.zip", "a/b.glb", "a.chpm", "-", "/dev/stdout"] {
             let error = check_folder("share", Path::new(bad)).unwrap_err().to_string();
             assert!(error.contains("folder") && error.contains(bad), "{error}");
         }

@@ -139,6 +139,10 @@ impl From<Failure> for PyErr {
                     _ => raised::FileError::new_err(about),
                 }
             }
+            Failure::System(ExtmemError::Exists { path }) => raised::FileError::new_err(format!(
+                "'{}' exists already; force=True replaces it, or choose another name",
+                path.display()
+            )),
             Failure::System(ExtmemError::Budget { .. }) => PyMemoryError::new_err(told),
             Failure::Source(_) | Failure::Built(_) | Failure::Judged(_) => raised::BuildError::new_err(told),
             Failure::System(_) => raised::FileError::new_err(told),

@@ -234,7 +234,7 @@ def test_invalid_rows_are_dropped_where_that_is_wanted(tmp_path):
 def test_files_that_are_there_or_are_not_are_told(source, tmp_path):
     out = tmp_path / "out.chpm"
     chpm.build(source, out).close()
-    with pytest.raises(chpm.FileError, match="exists already"):
+    with pytest.raises(chpm.FileError, match="exists already; force=True"):
         chpm.build(source, out)
     chpm.build(source, out, force=True).close()
     chpm.build(source).close()

@@ -225,6 +225,13 @@ fn what_does_not_belong_together_is_refused_by_name() {
     assert!(told.contains("has parts: 2, levels in parts: 1"), "{told}");
     let told = folder.stderr("stage simplify w.stages --from-level 3 -q", 2);
     assert!(told.contains("levels in parts: 1"), "{told}");
+    // A plan that fails leaves no folder behind, but one that was there.
+    folder.write("cut.ply", "ply\n");
+    folder.stderr("stage plan cut.ply -o none.stages --parts 2 -q", 2);
+    assert!(!folder.path("none.stages").exists());
+    std::fs::create_dir(folder.path("mine")).expect("a folder");
+    folder.stderr("stage plan cut.ply -o mine --parts 2 -q", 2);
+    assert!(folder.path("mine").is_dir());
     let told = folder.stderr("stage regions elsewhere --part 1/3 -q", 2);
     assert!(told.contains("plan.part' is not there"), "{told}");
 

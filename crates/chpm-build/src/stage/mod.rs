@@ -88,7 +88,26 @@ pub fn plan(
     };
     crate::sheets::check(settings)?;
     let failed = |error| ExtmemError::io("make the folder", folder, 0, error);
+    let was_there = folder.is_dir();
     std::fs::create_dir_all(folder).map_err(failed)?;
+    let planned = planned(source, folder, settings, division, resources, progress, cancel);
+    if planned.is_err() && !was_there {
+        // If it has anything in it, it stays.
+        let _ = std::fs::remove_dir(folder);
+    }
+    planned
+}
+
+/// The same for settings and a folder that will do.
+fn planned(
+    source: &Path,
+    folder: &Path,
+    settings: &Settings,
+    division: Division,
+    resources: &Resources,
+    progress: &dyn BuildProgress,
+    cancel: &Cancel,
+) -> Result<StepReport, BuildError> {
     let clock = Timer::start();
     let path = folder.join(Step::Plan.file());
     let _lock = Lock::acquire(&path)?;

@@ -81,6 +81,7 @@ struct LeftOut {
     bare: u64,
     whole_colors: u64,
     bad_coordinates: u64,
+    loose_corners: u64,
     primitives: u64,
     with_normals: u64,
     with_colors: u64,
@@ -220,6 +221,9 @@ impl Part {
                 return Err(refused("its indices are neither bytes, nor words, nor integers, without sign"));
             }
             let corners = indices.as_ref().map_or(part.sets[set].positions.count, |indices| indices.count);
+            if let Mode::Triangles = mode {
+                left_out.loose_corners += corners % 3;
+            }
             if corners < 3 {
                 continue;
             }
@@ -291,11 +295,24 @@ impl Triangles {
 
 impl LeftOut {
     fn messages(&self) -> Vec<String> {
-        let LeftOut { lines_and_points, morphs, textures, bare, whole_colors, bad_coordinates, .. } = *self;
+        let LeftOut {
+            lines_and_points,
+            morphs,
+            textures,
+            bare,
+            whole_colors,
+            bad_coordinates,
+            loose_corners,
+            ..
+        } = *self;
         let mut warnings = Vec::new();
         let mut warn = |count: u64, text: String| warnings.extend((count > 0).then_some(text));
         warn(lines_and_points, format!("skipped {lines_and_points} primitives of points or lines"));
         warn(bare, format!("skipped {bare} primitives without positions"));
+        warn(
+            loose_corners,
+            format!("left out {loose_corners} corners behind the last whole triangle of their primitive"),
+        );
         warn(
             morphs,
             format!("read {morphs} primitives with morph targets as they are before any is applied"),
