@@ -141,7 +141,7 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         studio: args.still.studio,
         light,
         shadows: args.shadows,
-        ..args.look.look()
+        ..args.look.look_on(args.still.studio)
     };
 
     let (mut first, mut short) = (None, None);
@@ -381,7 +381,7 @@ fn shortfall(args: &Args, model: u64, wanted: Option<u64>, stats: &Stats, image:
     if args.still.transparent && image.pixels.chunks_exact(4).all(|pixel| pixel[3] == 0) {
         return Some(empty(&name, stats));
     }
-    let behind = if args.ids { [0.0; 3] } else { args.look.look().background };
+    let behind = if args.ids { [0.0; 3] } else { args.look.look_on(args.still.studio).background };
     // A colour may be rounded on its way through the GPU.
     let is_behind =
         |pixel: &[u8]| pixel.iter().zip(behind).all(|(got, c)| (f32::from(*got) - 255.0 * c).abs() < 2.0);

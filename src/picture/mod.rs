@@ -105,7 +105,7 @@ pub(crate) struct StillArgs {
     /// Pictures, each moved by a part of a pixel, whose mean is written: smooth edges; 1 has hard ones
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = number::count(1..=256_u32), conflicts_with = "ids")]
     pub(crate) samples: u32,
-    /// The light of a studio: from the sky and a lamp, less of it in corners and on the ground below it
+    /// The light of a studio: from the sky and a lamp, less of it in corners and on the ground below it. The background is light then if not given
     #[arg(long, conflicts_with = "ids")]
     pub(crate) studio: bool,
     /// Where the key light is, as seen from the model: degrees to the right of the eye, and above it (24,31 if not given). With --rays it may be given several times: all together are as
@@ -144,7 +144,17 @@ fn light(text: &str) -> Result<Light, String> {
     Ok(Light([degrees(right)?, degrees(up)?]))
 }
 
+/// The background of a ground where none is told: shadows are not seen on a dark one.
+const LIGHT: [f32; 3] = [0.93, 0.93, 0.92];
+
 impl LookArgs {
+    /// How it looks where shadows may have to be seen behind the model.
+    pub(crate) fn look_on(&self, has_ground: bool) -> Look {
+        let look = self.look();
+        let background = if has_ground && self.background.is_none() { LIGHT } else { look.background };
+        Look { background, ..look }
+    }
+
     pub(crate) fn look(&self) -> Look {
         let default = Look::default();
         Look {

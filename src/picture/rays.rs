@@ -1,12 +1,12 @@
 //! Pictures by rays, as they are asked for.
 
-use super::{Degrees, LookArgs};
+use super::Degrees;
 use crate::number;
 use crate::threads::ThreadArgs;
 use anyhow::{Result, bail};
 use chpm_mesh::{Length, Scalar, scalar_places};
 use chpm_rays::still::Paint;
-use chpm_viewer::{Coloring, Look};
+use chpm_viewer::Coloring;
 
 /// Options of pictures by rays.
 #[derive(clap::Args, Clone, Debug)]
@@ -32,9 +32,6 @@ pub(crate) struct RayArgs {
     pub(crate) threads: ThreadArgs,
 }
 
-/// The background of a ground where none is told: shadows are not seen on a dark one.
-const LIGHT: [f32; 3] = [0.93, 0.93, 0.92];
-
 fn width(text: &str) -> Result<Degrees, String> {
     let degrees: f64 = number::decimal(text)?;
     if degrees <= 120.0 { Ok(Degrees(degrees)) } else { Err(format!("'{text}' is wider than 120 degrees")) }
@@ -45,13 +42,6 @@ impl RayArgs {
     pub(crate) fn light(&self, diagonal: f64, studio: bool) -> (bool, f64, f64, bool) {
         (!self.no_shadows, self.light_width.0, self.occlusion.of(diagonal), self.ground || studio)
     }
-}
-
-/// How it looks; `has_ground` where shadows are to be seen behind the model.
-pub(crate) fn look(args: &LookArgs, has_ground: bool) -> Look {
-    let look = args.look();
-    let background = if has_ground && args.background.is_none() { LIGHT } else { look.background };
-    Look { background, ..look }
 }
 
 /// The meaning of colours; `color_by` is a scalar of the file, by its name.

@@ -41,6 +41,12 @@ fn a_picture_shows_the_model_before_its_background() {
     // The same from the other side of the command line.
     folder.stdout("render in.chpm --viewport 200x120 --background #102030 --no-occlusion -o b.png");
     assert_eq!(folder.read("a.png"), folder.read("b.png"), "what is hidden does not show");
+    // What a studio darkens is seen on a light one.
+    for (words, is_light) in [("--studio", true), ("--studio --background 102030", false), ("", false)] {
+        folder.stdout(&format!("render in.chpm --viewport 200x120 {words} -o a.png -f"));
+        let [red, ..] = picture(&folder, "a.png").2[0];
+        assert_eq!(red > 200, is_light, "{words}: {red}");
+    }
     let error = folder.stderr("render in.chpm -o a.png", 2);
     assert!(error.contains("--force"), "{error}");
 }

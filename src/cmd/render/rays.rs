@@ -6,7 +6,7 @@ use crate::json::{self, seen};
 use crate::memory;
 use crate::output;
 use crate::picture::{self, rays};
-use crate::progress::{Meter, line};
+use crate::progress::Meter;
 use crate::report::count;
 use crate::stop::{self, Stop};
 use anyhow::{Context, Result};
@@ -49,7 +49,7 @@ pub(super) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         Ok((portrait, zero))
     })?;
     let (shadows, width, occlusion, ground) = args.rays.light(header.aabb().diagonal(), args.still.studio);
-    let look = Look { transparent: args.still.transparent, ..rays::look(&args.look, ground) };
+    let look = Look { transparent: args.still.transparent, ..args.look.look_on(ground) };
     let lights: Vec<[f64; 2]> = args.still.light.iter().map(|light| light.0).collect();
 
     let (mut total, mut short) = (Cast::default(), None);
