@@ -249,7 +249,7 @@ impl Memo {
         })
     }
 
-    /// What was taken over, in a sentence, and how many results were damaged.
+    /// Sentences about results that were taken over, and about damaged ones.
     pub(crate) fn notes(&self) -> Vec<String> {
         let mut notes: Vec<String> = self.taken_over().iter().map(TakenOver::to_string).collect();
         let damaged = self.damaged.load(Relaxed);

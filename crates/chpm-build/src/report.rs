@@ -201,7 +201,7 @@ pub struct BuildReport {
     pub warnings: Vec<String>,
     /// Where the build went on, if it did not start from the beginning.
     pub resumed: Option<Reached>,
-    /// What was taken over from an earlier build, if there was one to take from.
+    /// Results taken over from an earlier build, if there was one to take from.
     pub taken_over: Option<TakenOver>,
     /// Step that all coordinates are multiples of, if positions were put on a lattice.
     pub lattice_step: Option<f64>,

@@ -508,27 +508,6 @@ fn points_and_lines_are_counted() {
 }
 
 #[test]
-fn corners_that_make_no_triangle_are_told() {
-    let read = |indices: Option<&[u8]>| {
-        let mut made = Made::new();
-        let positions = made.floats(&[SQUARE[0], SQUARE[1], SQUARE[2], SQUARE[3]]);
-        let mut primitive = json!({ "attributes": { "POSITION": positions } });
-        if let Some(indices) = indices {
-            primitive["indices"] = made.accessor(indices, 5121, indices.len(), "SCALAR").into();
-        }
-        let mesh = made.primitive(primitive);
-        made.node(json!({ "mesh": mesh }));
-        let (mesh, info) = try_read(&made.glb(), Options::default()).unwrap();
-        (mesh.triangles.len(), info.warnings.join("\n"))
-    };
-    for (indices, count, loose) in [(None, 1, 1), (Some(&[0, 1, 2, 0, 2][..]), 1, 2), (Some(&[0, 1]), 0, 2)] {
-        let (triangles, told) = read(indices);
-        assert!(triangles == count && told.contains(&format!("left out {loose} corners")), "{told}");
-    }
-    assert_eq!(read(Some(&[0, 1, 2, 0, 2, 3])), (2, String::new()));
-}
-
-#[test]
 fn invalid_data_is_refused_or_left_out() {
     let mut made = Made::new();
     let positions = made.floats(&[SQUARE[0], SQUARE[1], SQUARE[2], [f32::NAN, 0.0, 0.0]]);

@@ -309,6 +309,8 @@ impl<'s, 'a, D: AsRef<[u8]> + Sync> Studio<'s, 'a, D> {
         go_on: &(impl Fn() -> bool + Sync),
     ) -> Result<u64, RayError> {
         let (eye, size, mut count) = (self.eye, self.size, 0);
+        // Each hit is looked at once.
+        let mut fresh = hits.to_vec();
         for layer in 0..LAYERS {
             let is_open = |skin: &Skin, hit: &Hit, n: u64| {
                 let (pixel, sample) = place(n);
@@ -316,18 +318,19 @@ impl<'s, 'a, D: AsRef<[u8]> + Sync> Studio<'s, 'a, D> {
                 skin.opacity(hit.triangle, hit.point, eye.width(hit.point)) <= least
             };
             let mut open = Vec::new();
-            self.visit(finest, hits, go_on, is_open, |n, is_open| {
+            self.visit(finest, &fresh, go_on, is_open, |n, is_open| {
                 if is_open {
                     open.push(n);
                 }
             })?;
             let ray = |n: &usize| {
-                let (hit, way) = (hits[*n]?, sight(*n as u64));
+                let (hit, way) = (fresh[*n]?, sight(*n as u64));
                 let from = eye.point(hit.point) + way * (shade::LIFT * size);
                 Some((*n, eye.ray(from, way, f64::INFINITY)?))
             };
             let (from, rays): (Vec<usize>, Vec<Ray>) = open.par_iter().filter_map(ray).unzip();
             open.iter().for_each(|n| hits[*n] = None);
+            fresh.fill(None);
             if rays.is_empty() {
                 break;
             }
@@ -335,7 +338,7 @@ impl<'s, 'a, D: AsRef<[u8]> + Sync> Studio<'s, 'a, D> {
             let mut from = from.into_iter();
             caster.cast(&rays, &eye.bound(), Seek::Nearest, go_on, |hit, _| {
                 let n = from.next().unwrap_or_default();
-                hits[n] = hit;
+                (hits[n], fresh[n]) = (hit, hit);
             })?;
         }
         Ok(count)

@@ -1,4 +1,4 @@
-//! What meshes of clusters look like, as many of them as there is room for.
+//! Looks of clusters' meshes, as many of them as there is room for.
 
 use super::Paint;
 use super::borders::Borders;
