@@ -495,14 +495,18 @@ fn what_is_not_read_is_named() {
 #[test]
 fn points_and_lines_are_counted() {
     let mut made = Made::soup(&SQUARE[..3]);
+    let five = made.accessor(&[0, 1, 2, 0, 1], 5121, 5, "SCALAR");
     let primitives = made.file["meshes"][0]["primitives"].as_array_mut().unwrap();
     primitives.push(json!({ "attributes": { "POSITION": 0 }, "mode": 0 }));
+    primitives.push(json!({ "attributes": { "POSITION": 0 }, "indices": five }));
     primitives.push(json!({ "attributes": { "POSITION": 0, "TEXCOORD_0": 0 }, "targets": [{}] }));
     made.list("scenes").push(json!({}));
     let (mesh, info) = try_read(&made.glb(), Options::default()).unwrap();
-    assert_eq!(mesh.triangles.len(), 2);
+    assert_eq!(mesh.triangles.len(), 3);
     let told = info.warnings.join("\n");
-    for words in ["1 primitives of points or lines", "morph", "texture coordinates of 1", "scene 0 of 2"] {
+    let expected =
+        ["1 primitives of points or lines", "morph", "texture coordinates of 1", "scene 0 of 2", "2 corners"];
+    for words in expected {
         assert!(told.contains(words), "{told}");
     }
 }
