@@ -7,7 +7,7 @@ use chpm_build::stage::{Share, Step};
 use chpm_mesh::Bytes;
 use clap::ValueEnum;
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
 /// Engines that a workflow is written for.
 #[derive(ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
@@ -110,20 +110,23 @@ impl Workflow {
 
     /// The command of a phase; `index` stands for the number of the part.
     fn command(&self, phase: &Phase, index: &str) -> String {
-        let folder = word(&self.folder);
+        let folder = word(&slashed(&self.folder));
         let resources = format!("--threads {} --memory {} --quiet", self.threads, size(self.memory));
         match phase.first {
             Step::Plan => {
                 let settings: String =
                     self.settings.iter().map(|setting| format!(" {}", word_of(setting))).collect();
-                let sources: String = self.sources.iter().map(|source| word(source) + " ").collect();
+                let sources: String =
+                    self.sources.iter().map(|source| word(&slashed(source)) + " ").collect();
                 let weld = self.weld.map_or(String::new(), |weld| format!(" --weld {weld}"));
                 let Workflow { parts, levels, .. } = self;
                 format!(
                     "stage plan {sources}-o {folder}{weld} --parts {parts} --levels {levels}{settings} {resources}"
                 )
             }
-            Step::Finish => format!("stage finish {folder} -o {} --force {resources}", word(&self.output)),
+            Step::Finish => {
+                format!("stage finish {folder} -o {} --force {resources}", word(&slashed(&self.output)))
+            }
             step => {
                 let (before, behind) = step.words();
                 let behind =
@@ -172,9 +175,10 @@ impl Workflow {
             "#   snakemake -s THIS --cores 4\n#\n# Here that runs on this machine; with an executor plugin and a profile of yours the same file runs on a cluster, where all\n\
              # must see the source and the folder. What is there is not made again. A part that is damaged is named: delete it.",
         );
-        let at = |name: String| quoted(&self.folder.join(name).display().to_string());
+        let path = |path: &Path| quoted(&slashed(path).display().to_string());
+        let at = |name: String| path(&self.folder.join(name));
         let file = |step: Step| match step {
-            Step::Finish => quoted(&self.output.display().to_string()),
+            Step::Finish => path(&self.output),
             step => at(step.file()),
         };
         let _ = writeln!(
@@ -184,9 +188,7 @@ impl Workflow {
         );
         for phase in self.phases() {
             let inputs: Vec<String> = match phase.first {
-                Step::Plan => {
-                    self.sources.iter().map(|source| quoted(&source.display().to_string())).collect()
-                }
+                Step::Plan => self.sources.iter().map(|source| path(source)).collect(),
                 step => step.inputs(self.parts, self.levels).into_iter().map(file).collect(),
             };
             let name = &phase.name;
@@ -260,6 +262,11 @@ impl Workflow {
 /// Memory as it is typed.
 fn size(memory: Bytes) -> String {
     format!("{}M", memory.0 >> 20)
+}
+
+/// A path with the separators that all systems read: what is written in Windows runs on clusters.
+fn slashed(path: &Path) -> PathBuf {
+    path.display().to_string().replace(MAIN_SEPARATOR, "/").into()
 }
 
 /// A text as a word of the shell.

@@ -124,3 +124,25 @@ fn workflows_run_scripts_that_exist() {
     }
     assert!(found >= 5, "{found}");
 }
+
+/// cargo packages and publishes only what is committed: files that a release's jobs make before it in the checkout are ignored.
+#[test]
+fn what_a_release_makes_is_no_change_of_its_source() {
+    let folder = Folder::new();
+    folder.write(".gitignore", read(".gitignore"));
+    let git =
+        |words: &[&str]| Command::new("git").current_dir(folder.path("")).args(words).status().expect("git");
+    assert!(git(&["init", "--quiet"]).success());
+    let workflow = read(".github/workflows/release.yml");
+    for (name, made) in [
+        ("dist", "dist/chpm.deb"),
+        ("manifests", "manifests/chpm.rb"),
+        ("wheels", "wheels/chpm.whl"),
+        ("sbom", "sbom.json"),
+        ("cyclonedx", "crates/chpm-build/sbom.json"),
+    ] {
+        assert!(workflow.contains(name), "{name}");
+        assert!(git(&["check-ignore", "--quiet", made]).success(), "{made}");
+    }
+    assert!(!git(&["check-ignore", "--quiet", "src/main.rs"]).success());
+}
