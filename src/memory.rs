@@ -42,7 +42,7 @@ pub(crate) fn workers(
     Ok((Workers::start(count)?, free))
 }
 
-/// The same for a verb that reads two files, with the verb's `own` bytes beside each of them; its threads work on the second.
+/// The same for a verb that reads two files, with the verb's own bytes beside each of them; its threads work on the second, and there is always room for one.
 ///
 /// # Errors
 /// Those of [`divide_among`], for one thread.
@@ -53,7 +53,7 @@ pub(crate) fn workers_among(
     each: u64,
 ) -> Result<(Workers, [u64; 2])> {
     let count = chpm_verify::memory::threads(second, Bytes(memory.0 / 2), beside, each).min(threads.wanted());
-    let free = divide_among([(first, own), (second, beside + count as u64 * each)], memory)?;
+    let free = divide_among([(first, own), (second, beside + (count as u64 - 1) * each)], memory)?;
     Ok((Workers::start(count)?, free))
 }
 

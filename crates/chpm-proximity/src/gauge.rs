@@ -81,7 +81,7 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
     }
 
     /// Bytes that a call of [`measure`](Self::measure) takes at most beside its points and what the reference keeps.
-    pub fn memory<R: AsRef<[u8]>>(reference: &Chpm<R>) -> u64 {
+    pub fn memory(reference: &Chpm<D>) -> u64 {
         let (clusters, groups) = (reference.clusters().len() as u64, reference.groups().len() as u64);
         HELD + wanted::memory(reference) + FOUND * clusters + WAITING * groups
     }
@@ -308,3 +308,53 @@ fn along_a_curve(points: &[Vector3<f64>]) -> Vec<u32> {
 const BITS: u32 = 8;
 /// The last cell along an axis.
 const CELLS: f64 = ((1 << BITS) - 1) as f64;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use chpm_build::{BuildConfig, Cancel, Resources, Settings, Silent, build};
+    use chpm_import::ply::{Encoding, write_mesh};
+    use chpm_mesh::Bytes;
+    use chpm_space::Patch;
+    use chpm_synth::hand;
+    use std::fs::{self, File};
+
+    /// Points about the middle of a ball, to which all of it is near.
+    #[test]
+    fn few_patches_are_held_at_once_and_answers_do_not_depend_on_how_many() {
+        let folder = tempfile::tempdir().unwrap();
+        let [source, path] = ["in.ply", "out.chpm"].map(|name| folder.path().join(name));
+        write_mesh(File::create(&source).unwrap(), &hand::icosphere(4), Encoding::BinaryLittleEndian)
+            .unwrap();
+        let settings = Settings { cluster_triangles: 64, cell_vertices: 4, ..Settings::default() };
+        let resources = Resources { threads: 1, ..Resources::default() };
+        let config = BuildConfig { settings, resources, ..BuildConfig::default() };
+        build(&source, &path, &config, &Silent, &Cancel::default()).unwrap();
+        let file = Chpm::open(fs::read(&path).unwrap()).unwrap();
+        let largest = file.clusters().iter().map(Patch::bytes_of).max().unwrap();
+        let points: Vec<Vector3<f64>> = (0..300)
+            .map(|i| f64::from(i))
+            .map(|i| Vector3::new(i.sin(), i.cos(), (2.0 * i).sin()) * 0.01)
+            .collect();
+        let find = |held: u64| {
+            let model = Model::new(&file, Bytes(0)).unwrap();
+            let still = Pose::IDENTITY;
+            let mut gauge = Gauge::new(&model, &model, [&still; 2], 0.0).unwrap();
+            gauge.held = held;
+            let run = along_a_curve(&points);
+            let (mut wanted, _) = gauge.candidates(&run[..RUN], &points).unwrap();
+            gauge.seek(&run[..RUN], &points, &mut wanted).unwrap();
+            let reads = model.reads().pages;
+            (gauge.find(&points).unwrap(), wanted.held_count(), reads)
+        };
+        let (all, most, reads) = find(u64::MAX);
+        assert!(most > 40, "{most}");
+        // Others are dropped and read again.
+        for (held, few) in [(0, 1), (8 * largest, 32)] {
+            let (found, count, more) = find(held);
+            assert_eq!(found, all);
+            assert!((1..=few).contains(&count), "{count} of {few}");
+            assert!(more > reads, "{more} of {reads}");
+        }
+    }
+}

@@ -45,7 +45,8 @@ impl<'m, 'a, D: AsRef<[u8]>> Wanted<'m, 'a, D> {
     /// Puts them in the order of their distances from a point.
     pub(crate) fn sort_by_distance(&mut self, point: &Vector3<f64>) {
         self.order.clear();
-        self.order.extend(self.near.iter().enumerate().map(|(at, near)| (near.block.squared_from(point), at)));
+        self.order
+            .extend(self.near.iter().enumerate().map(|(at, near)| (near.block.squared_from(point), at)));
         self.order.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
     }
 
@@ -66,6 +67,12 @@ impl<'m, 'a, D: AsRef<[u8]>> Wanted<'m, 'a, D> {
             self.held += bytes;
         }
         Ok(near.patch.as_deref())
+    }
+
+    /// How many are held.
+    #[cfg(test)]
+    pub(crate) fn held_count(&self) -> usize {
+        self.near.iter().filter(|near| near.patch.is_some()).count()
     }
 
     /// Holds nothing any more.
