@@ -42,6 +42,21 @@ pub(crate) fn workers(
     Ok((Workers::start(count)?, free))
 }
 
+/// The same for a verb that reads two files, with the verb's own bytes beside each of them; its threads work on the second, and there is always room for one.
+///
+/// # Errors
+/// Those of [`divide_among`], for one thread.
+pub(crate) fn workers_among(
+    threads: &ThreadArgs,
+    [(first, own), (second, beside)]: [(&Chpm<MappedFile>, u64); 2],
+    memory: Bytes,
+    each: u64,
+) -> Result<(Workers, [u64; 2])> {
+    let count = chpm_verify::memory::threads(second, Bytes(memory.0 / 2), beside, each).min(threads.wanted());
+    let free = divide_among([(first, own), (second, beside + (count as u64 - 1) * each)], memory)?;
+    Ok((Workers::start(count)?, free))
+}
+
 /// Pages after which what they left goes back to the system.
 const PAGES: u64 = 256;
 

@@ -10,7 +10,7 @@ use crate::progress::Meter;
 use crate::proximity::{GROUP, Opened, PoseArgs};
 use crate::report::{count, table};
 use crate::stop::{self, Stop};
-use crate::threads::ThreadArgs;
+use crate::threads::{ThreadArgs, Workers};
 use crate::tolerance::{Tolerance, Unit};
 use anyhow::{Context, Result};
 use chpm_build::Cancel;
@@ -109,6 +109,9 @@ const PAGE: u64 = 96 << 20;
 /// Bytes of a vertex: its distance as measured, once in each leaf that has it, and as summed up or sorted.
 const VERTEX: u64 = 20;
 
+/// Bytes of a thread, with the points that it measures.
+const THREAD: u64 = 1 << 20;
+
 /// Measures, and writes what is asked for.
 pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let inputs = [args.scan.as_path(), args.reference.as_path()];
@@ -133,8 +136,9 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         leaves.map(|leaf| u64::from(leaf.vertex_count)).sum::<u64>().min(header.source_vertex_count);
     let own = VERTEX * vertices + 4 * u64::from(header.shared_vertex_count) + page_bytes;
     let groups = GROUP * reference.file.groups().len() as u64;
-    let [_, pages] =
-        memory::divide_among([(&scan.file, own), (&reference.file, groups)], args.memory.memory())?;
+    let each = THREAD + Gauge::memory(&reference.file);
+    let files = [(&scan.file, own), (&reference.file, groups)];
+    let (pool, [_, pages]) = memory::workers_among(&args.threads, files, args.memory.memory(), each)?;
     let cancel = stop.heed();
     let meter = Meter::new(args.quiet);
 
@@ -144,9 +148,10 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
     let usual = ERROR.of(diagonal).min(limit.map_or(f64::INFINITY, |limit| 0.1 * limit));
     let tolerance = args.error.map_or(usual, |error| error.of(diagonal));
     let signed = !args.unsigned && is_closed(&reference.file);
-    let work = Work { args, scan: &scan, reference: &reference, pages, tolerance, limit, signed };
+    let work = Work { args, scan: &scan, reference: &reference, pool, pages, tolerance, limit, signed };
     let Measured { values, within, exact, rounding } =
         reading(&reference.file, || reading(&scan.file, || work.measure(&meter, &cancel)))?;
+    drop(work);
     let parts = reading(&scan.file, || Parts::new(&scan.file, values))?;
     let summary = Summary::new(&parts.values, signed, args.range);
     let tolerance = tolerance.max(within + summary.lost());
@@ -241,6 +246,7 @@ struct Work<'w> {
     args: &'w Args,
     scan: &'w Opened,
     reference: &'w Opened,
+    pool: Workers,
     /// Bytes for pages of the reference.
     pages: u64,
     tolerance: f64,
@@ -264,8 +270,6 @@ struct Measured {
 impl Work<'_> {
     fn measure(&self, meter: &Meter, cancel: &Cancel) -> Result<Measured> {
         let leaves = leaves(&self.scan.file);
-        let pool = self.args.threads.pool()?;
-
         meter.start("compare", leaves.len() as u64);
         fn unproven(path: &Path) -> String {
             format!("cannot use '{}'", path.display())
@@ -290,7 +294,7 @@ impl Work<'_> {
             Ok((found, [within, exact]))
         });
 
-        let done = pool.install(|| measured.collect::<Result<Vec<_>>>())?;
+        let done = self.pool.install(|| measured.collect::<Result<Vec<_>>>())?;
         meter.finish();
         stop::check(cancel)?;
         fn most(which: usize, done: &[(Vec<f64>, [f64; 2])]) -> f64 {

@@ -141,3 +141,16 @@ fn threads_beyond_the_memory_are_not_used() {
         assert!(peak <= 80 << 10, "{words}: {peak} kB");
     }
 }
+
+/// Points near many clusters, of which each thread has some in hand.
+#[test]
+fn threads_that_compare_with_many_clusters_stay_within_the_memory() {
+    let folder = Folder::new();
+    folder.stdout("synth hard:voxels --triangles 300000 -o in.ply -q");
+    folder.stdout("build in.ply -q");
+    for (threads, given) in [(1, 72), (64, 72), (64, 100)] {
+        let words = format!("compare in.chpm in.chpm --error 1% -q --threads {threads} --memory {given}M");
+        let peak = peak(&folder, &words);
+        assert!(peak <= given << 10, "{words}: {peak} kB");
+    }
+}

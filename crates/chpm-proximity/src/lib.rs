@@ -23,6 +23,7 @@ mod patch;
 pub mod pose;
 pub mod search;
 mod triangle;
+mod wanted;
 
 pub use chpm_space::{Model, Reads};
 pub use contacts::{Contacts, Region, contacts};

@@ -23,9 +23,6 @@ pub(crate) trait Search {
     /// Goes to the nearest point of the patch, if it is nearer than what was found. Answers its triangle, by its place in the boxes' order.
     fn nearest_to(&self, point: &Vector3<f64>, spot: &mut Spot) -> Option<usize>;
 
-    /// Goes to the nearest point of one triangle; answers whether it is nearer.
-    fn take(&self, index: usize, point: &Vector3<f64>, spot: &mut Spot) -> bool;
-
     /// Calls `found` for every pair of triangles that may be within `reach`, until it breaks.
     fn pairs_within<X>(
         &self,
@@ -75,7 +72,7 @@ impl Search for Patch {
             let node = &self.nodes()[at];
             if node.other == 0 {
                 for index in node.triangles() {
-                    if self.take(index, point, spot) {
+                    if spot.take(point, &self.triangle(index).0) {
                         nearest = Some(index);
                     }
                 }
@@ -89,10 +86,6 @@ impl Search for Patch {
             count += 2;
         }
         nearest
-    }
-
-    fn take(&self, index: usize, point: &Vector3<f64>, spot: &mut Spot) -> bool {
-        spot.take(point, &self.triangle(index).0)
     }
 
     fn pairs_within<X>(
@@ -192,7 +185,7 @@ impl Spot {
     }
 
     /// Answers whether the triangle is nearer than all before.
-    fn take(&mut self, point: &Vector3<f64>, corners: &Corners) -> bool {
+    pub(crate) fn take(&mut self, point: &Vector3<f64>, corners: &Corners) -> bool {
         let mut way = point - triangle::nearest_point(point, corners);
         let mut squared = way.norm_squared();
         let noise = SURE * (point.amax() + corners[0].amax());
