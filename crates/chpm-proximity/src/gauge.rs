@@ -149,7 +149,7 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
             nearest: None,
         });
         for (stride, before) in STRIDES.into_iter().zip([RUN].into_iter().chain(STRIDES)) {
-            let is_new = |at: &usize| stride == RUN || at % before != 0;
+            let is_new = |at: &usize| stride == RUN || !at.is_multiple_of(before);
             let mut open: Vec<usize> = (0..run.len()).step_by(stride).filter(is_new).collect();
             for at in &open {
                 // What is near to one is near to the next.
