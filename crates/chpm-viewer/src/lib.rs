@@ -19,7 +19,6 @@ pub mod request;
 #[allow(unreachable_pub, reason = "`gpu` and `frame` use it")]
 mod scene;
 pub mod stats;
-#[allow(unreachable_pub, reason = "`gpu` and `fetch` use it")]
 #[allow(unreachable_pub, reason = "`gpu` and `frame` use it")]
 mod tint;
 mod transform;
