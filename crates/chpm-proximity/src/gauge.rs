@@ -332,10 +332,8 @@ mod tests {
         build(&source, &path, &config, &Silent, &Cancel::default()).unwrap();
         let file = Chpm::open(fs::read(&path).unwrap()).unwrap();
         let largest = file.clusters().iter().map(Patch::bytes_of).max().unwrap();
-        let points: Vec<Vector3<f64>> = (0..300)
-            .map(|i| f64::from(i))
-            .map(|i| Vector3::new(i.sin(), i.cos(), (2.0 * i).sin()) * 0.01)
-            .collect();
+        let points: Vec<Vector3<f64>> =
+            (0..300).map(f64::from).map(|i| Vector3::new(i.sin(), i.cos(), (2.0 * i).sin()) * 0.01).collect();
         let find = |held: u64| {
             let model = Model::new(&file, Bytes(0)).unwrap();
             let still = Pose::IDENTITY;
