@@ -134,7 +134,7 @@ impl<'m, 'a, D: AsRef<[u8]>> Gauge<'m, 'a, D> {
         Ok((found, (self.points + coarsest + unsure) * (1.0 + 4.0 * f64::EPSILON), disputed))
     }
 
-    /// What is nearest to each point of a run. Only some of the wanted patches are held at once: whoever comes to another one waits for the others. No point's way depends on how many
+    /// Places nearest to each point of a run. Only some of the wanted patches are held at once: whoever comes to another one waits for the others. No point's way depends on how many
     /// are held.
     fn seek(
         &self,
