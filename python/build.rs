@@ -6,5 +6,6 @@ fn main() {
     if std::env::var("CARGO_CFG_TARGET_OS").is_ok_and(|system| system == "linux") && !is_zig {
         println!("cargo:rustc-cdylib-link-arg=-Wl,--exclude-libs=ALL");
     }
+    println!("cargo:rerun-if-env-changed=CARGO_ZIGBUILD_TARGET");
     println!("cargo:rerun-if-changed=build.rs");
 }

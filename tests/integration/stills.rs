@@ -220,7 +220,7 @@ fn a_flat_model_hides_the_ground_below_it() {
     }
 }
 
-/// Sheets are as much the same as colours of vertices are, and what else is asked for is shown instead.
+/// Neither threads nor memory show in images, and a picture without them is that of a model without them.
 #[test]
 fn images_are_what_rays_see() {
     let folder = super::sheets::textured();
@@ -239,7 +239,7 @@ fn images_are_what_rays_see() {
         assert!(one != still(&folder, &format!("{words} --color plain")), "{words}");
     }
     let plain = |name: &str| still(&folder, &format!("{name}.chpm --viewport 80x60 --poe 0 --color plain"));
-    assert!(plain("a") == plain("bare"), "colours are left out with their holes");
+    assert!(plain("a") == plain("bare"), "images are left out with their holes");
     // What is damaged is no picture.
     let text = folder.stdout("dump a.chpm");
     assert!(text.contains("sheet of cluster 0 "));

@@ -88,26 +88,8 @@ pub fn plan(
     };
     crate::sheets::check(settings)?;
     let failed = |error| ExtmemError::io("make the folder", folder, 0, error);
-    let was_there = folder.is_dir();
+    let _made = (!folder.is_dir()).then_some(Made(folder));
     std::fs::create_dir_all(folder).map_err(failed)?;
-    let planned = planned(source, folder, settings, division, resources, progress, cancel);
-    if planned.is_err() && !was_there {
-        // If it has anything in it, it stays.
-        let _ = std::fs::remove_dir(folder);
-    }
-    planned
-}
-
-/// The same for settings and a folder that will do.
-fn planned(
-    source: &Path,
-    folder: &Path,
-    settings: &Settings,
-    division: Division,
-    resources: &Resources,
-    progress: &dyn BuildProgress,
-    cancel: &Cancel,
-) -> Result<StepReport, BuildError> {
     let clock = Timer::start();
     let path = folder.join(Step::Plan.file());
     let _lock = Lock::acquire(&path)?;
@@ -133,6 +115,15 @@ fn planned(
         Ok(Plan { settings: settings.clone(), parts: division.parts, levels, known, ground })
     })?;
     clock.report(Step::Plan, path).map(|report| StepReport { notes, ..report })
+}
+
+/// A folder that goes again if nothing comes into it.
+struct Made<'a>(&'a Path);
+
+impl Drop for Made<'_> {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir(self.0);
+    }
 }
 
 /// Makes what `step` leaves in `folder`; [`Step::Finish`] makes `output`, or [`output_of`] the folder. What is there already, whole and of the same, stays.

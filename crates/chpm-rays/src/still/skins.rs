@@ -58,12 +58,17 @@ impl<'s, 'a, D: AsRef<[u8]> + Sync> Skins<'s, 'a, D> {
     /// Whether anything is seen through the images that clusters have.
     pub(super) fn have_holes(&self) -> bool {
         let is_open = |sheet: &SheetRecord| sheet.codec() == Some(ImageCodec::Png);
-        *self.paint == Paint::Own && self.file.sheets().iter().any(is_open)
+        self.sheets().iter().any(is_open)
+    }
+
+    /// Images that are shown, by cluster; none where colours are others.
+    fn sheets(&self) -> &'a [SheetRecord] {
+        if *self.paint == Paint::Own { self.file.sheets() } else { &[] }
     }
 
     fn bytes_of(&self, cluster: ClusterId) -> u64 {
         let record = &self.file.clusters()[cluster.index()];
-        let sheet = (*self.paint == Paint::Own).then(|| self.file.sheets().get(cluster.index())).flatten();
+        let sheet = self.sheets().get(cluster.index());
         let image = sheet.map_or(0, |sheet| Painted::bytes_of(sheet, record.triangle_count));
         Skin::bytes_of(record) + image
     }
@@ -94,15 +99,13 @@ impl<'s, 'a, D: AsRef<[u8]> + Sync> Skins<'s, 'a, D> {
         if let Some(borders) = self.borders.as_mut().filter(|_| !file.header().attributes().has_normals()) {
             borders.learn(file, &missing, is_finest, go_on)?;
         }
-        let (borders, paint) = (self.borders.as_ref(), self.paint);
+        let (borders, paint, has_images) = (self.borders.as_ref(), self.paint, !self.sheets().is_empty());
         let read = |cluster: &ClusterId| {
             if !go_on() {
                 return Err(RayError::Stopped);
             }
             let mut skin = Skin::new(&file.page(*cluster)?.view(), is_finest(*cluster), paint, borders);
-            if *paint == Paint::Own
-                && let Some(sheet) = file.sheet(*cluster)?
-            {
+            if has_images && let Some(sheet) = file.sheet(*cluster)? {
                 skin.sheet = Some(Painted::new(sheet).ok_or(RayError::Image(*cluster))?);
             }
             Ok(skin)
