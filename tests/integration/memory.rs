@@ -154,3 +154,19 @@ fn threads_that_compare_with_many_clusters_stay_within_the_memory() {
         assert!(peak <= given << 10, "{words}: {peak} kB");
     }
 }
+
+/// Surfaces of which each thread has some tiles at hand.
+#[test]
+fn threads_that_hold_surfaces_together_stay_within_the_memory() {
+    let folder = Folder::new();
+    folder.stdout("synth isosurface --triangles 200000 -o in.ply -q");
+    folder.stdout("build in.ply -q");
+    for words in [
+        "extract in.chpm --error 1% --tight -o out.ply -qf",
+        "verify in.chpm --against in.ply --errors --level 1 -q",
+        "measure in.chpm --against in.ply --samples 1 --positions 1 -q",
+    ] {
+        let peak = peak(&folder, &format!("{words} --threads 64 --memory 40M"));
+        assert!(peak <= 40 << 10, "{words}: {peak} kB");
+    }
+}

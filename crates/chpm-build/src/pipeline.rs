@@ -151,10 +151,6 @@ fn run(
         })
     })?;
 
-    if let Some(memo) = &context.memo {
-        memo.finish()?;
-    }
-
     let (known, painted, built) = work.finish();
     let nodes = built.clusters.refs.iter().flatten().count() as u64;
     let sheets = painted
@@ -166,7 +162,12 @@ fn run(
     let file = emit::Output::begin(out, &order, &built, &known, sheets.as_ref(), settings)?;
     drop(sheets);
     let records = context.stage(Stage::Layout, order.len() as u64, || {
-        layout::run(&order, &built, settings, context, |place, page: &[u8]| file.write_page(place, page))
+        let write = |place, page: &[u8]| file.write_page(place, page);
+        let (records, memo) = rayon::join(
+            || layout::run(&order, &built, settings, context, write),
+            || context.memo.as_ref().map_or(Ok(()), Memo::finish),
+        );
+        memo.and(records)
     })?;
 
     let mut notes = std::mem::take(&mut checkpoints.notes);

@@ -68,6 +68,11 @@ impl Bvh {
         visits > CROWD * TRIALS
     }
 
+    /// Bytes that one of so many triangles takes at most.
+    pub(crate) fn bytes(triangles: u64) -> u64 {
+        BYTES * triangles
+    }
+
     /// Bytes of memory.
     pub fn len_bytes(&self) -> usize {
         self.tree.len_bytes() + size_of_val(&self.corners[..]) + size_of_val(&self.shells[..])
@@ -149,6 +154,9 @@ impl Bvh {
         found
     }
 }
+
+/// Bytes of a triangle at most: corners, place, shell, and its share of nodes.
+const BYTES: u64 = 256;
 
 /// Searches that are tried, from points off some triangles by this part of the diagonal; if they come to more triangles than a crowd each, there are too many.
 const TRIALS: usize = 16;

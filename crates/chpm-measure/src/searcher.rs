@@ -47,6 +47,11 @@ impl Held {
 }
 
 impl<'t> Searcher<'t> {
+    /// Bytes that one keeps at hand at most, where no tile has more than so many triangles.
+    pub fn bytes(triangles: u64) -> u64 {
+        HELD as u64 * Bvh::bytes(triangles)
+    }
+
     /// Of all tiles.
     pub fn new(tiles: &'t Tiles<'t>) -> Self {
         Searcher { tiles, held: Held::default(), last: None }

@@ -29,6 +29,9 @@ struct Held {
 }
 
 impl Block {
+    /// Bytes of samples that a task holds and searches from, about.
+    pub const BYTES: u64 = MOST as u64 * 160;
+
     /// All parts of a mesh.
     pub fn all(samples: &Sampler<'_>) -> impl IndexedParallelIterator<Item = Block> + use<> {
         let (count, each) = (samples.part_count(), CHUNK * CHUNKS);

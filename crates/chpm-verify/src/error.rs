@@ -26,6 +26,9 @@ pub enum VerifyError {
     /// The source could not be read.
     #[error(transparent)]
     Source(#[from] SourceError),
+    /// The system does not give threads.
+    #[error("cannot start the worker threads: {0}")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
     /// The source is none that can be read from its beginning whenever it is needed.
     #[error("'{}' is a pipe or no file at all; save what is to be compared as a file and name that", path.display())]
     NotAFile {

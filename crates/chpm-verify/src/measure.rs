@@ -8,6 +8,7 @@ use crate::error::VerifyError;
 use crate::memory;
 use chpm_extmem::{Cancel, MappedFile, Progress, Store};
 use chpm_format::Chpm;
+use chpm_measure::sweep::Block;
 use chpm_mesh::Bytes;
 use chpm_refine::Hierarchy;
 use std::path::Path;
@@ -78,9 +79,9 @@ pub fn measure(
         );
         return Err(VerifyError::Trimmed { path, what });
     }
-    let memory = memory::divide(file, memory, FOUND * file.clusters().len() as u64)?;
+    let free = memory::divide(file, memory, FOUND * file.clusters().len() as u64)?;
     let compared = {
-        let store = Store::create(scratch, memory.saturating_sub(against::OWN))?;
+        let store = Store::create(scratch, free.saturating_sub(against::OWN))?;
         against::compare(file, source, &store, progress, cancel)?
     };
     if !compared.is_equal() {
@@ -88,10 +89,25 @@ pub fn measure(
         return Err(VerifyError::Different { path, source_path, faults });
     }
 
-    let judge = Judge::new(file, measures.samples as usize, memory, progress, cancel)?;
+    let each = memory::of_searcher(file) + Block::BYTES;
+    memory::on_few(free, each, |free| {
+        let judge = Judge::new(file, measures.samples as usize, free, progress, cancel)?;
+        rows(&judge, measures, compared, progress, cancel)
+    })
+}
+
+/// All that is asked for.
+fn rows(
+    judge: &Judge<'_>,
+    measures: &Measures,
+    compared: Comparison,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<Measured, VerifyError> {
+    let file = judge.file();
     let mut rows = Vec::new();
     if measures.levels {
-        deviation::levels(&judge, measures.positions, progress, cancel, |level, collapsed, found| {
+        deviation::levels(judge, measures.positions, progress, cancel, |level, collapsed, found| {
             rows.push((Which::Level { level, collapsed }, found));
         })?;
     }

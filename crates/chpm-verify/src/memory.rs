@@ -3,12 +3,18 @@
 use crate::error::VerifyError;
 use chpm_extmem::{MappedFile, process};
 use chpm_format::{Chpm, SectionKind};
+use chpm_measure::Searcher;
 use chpm_mesh::{Bytes, MemorySize};
+use rayon::ThreadPoolBuilder;
 
 /// The program, its libraries and stacks, and what the allocator has not given back.
 const PROGRAM: u64 = 24 << 20;
 /// Pages of the file, and work on them: some groups of clusters at a time, at least.
 const LEAST: u64 = 8 << 20;
+/// Parts that a thread has begun, and leaves waiting for others that it takes from their threads.
+const WAITING: u64 = 4;
+/// Bytes of a triangle of such a part: itself, its corners, and its vertices with attributes.
+const PART_BYTES: u64 = 96;
 /// Multiple of bytes in which is told what is enough.
 const UNIT: u64 = 1 << 20;
 
@@ -60,6 +66,32 @@ pub fn divide_among<const N: usize>(
         file.get_ref().keep_resident(mapped);
     }
     Ok(halves)
+}
+
+/// Bytes that a thread takes which holds clusters against a surface of clusters: tiles at hand, and the parts that wait meanwhile.
+pub(crate) fn of_searcher(file: &Chpm<MappedFile>) -> u64 {
+    let largest = file.clusters().iter().map(|cluster| cluster.triangle_count).max().unwrap_or(0).into();
+    Searcher::bytes(largest) + WAITING * PART_BYTES * largest
+}
+
+/// Does `work`, which gets what is left of `free` bytes, on the threads at hand: as many of them as half of `free` has room for, where each takes `each` bytes
+/// beside the first.
+///
+/// # Errors
+/// [`VerifyError::Threads`], and those of `work`.
+pub(crate) fn on_few<R: Send>(
+    free: u64,
+    each: u64,
+    work: impl FnOnce(u64) -> Result<R, VerifyError> + Send,
+) -> Result<R, VerifyError> {
+    let at_hand = rayon::current_num_threads();
+    let count = at_hand.min((free / 2 / each.max(1)) as usize + 1);
+    let left = free - (count as u64 - 1) * each;
+    if count == at_hand {
+        return work(left);
+    }
+    let few = ThreadPoolBuilder::new().num_threads(count);
+    few.build_scoped(|thread| thread.run(), |pool| pool.install(|| work(left)))?
 }
 
 /// Bytes that are taken whatever is read: the program, the tables, and the verb's own.

@@ -8,6 +8,7 @@ use super::drawn::Drawn;
 use super::{Certifier, EFFORT, Side, Way};
 use crate::deviation::finest;
 use crate::error::VerifyError;
+use crate::memory;
 use chpm_extmem::{Cancel, MappedFile, Progress};
 use chpm_format::Chpm;
 use chpm_measure::Tiles;
@@ -51,7 +52,14 @@ pub fn coarsest(
         cancel.check()?;
         file.page(ClusterId(id))?;
     }
-    let certifier = Certifier::new(file, EFFORT, budget, progress, cancel)?;
+    memory::on_few(budget, memory::of_searcher(file), |budget| {
+        within(&Certifier::new(file, EFFORT, budget, progress, cancel)?, distance)
+    })
+}
+
+/// The same, with what it takes.
+fn within(certifier: &Certifier<'_>, distance: f32) -> Result<Option<Proven>, VerifyError> {
+    let file = certifier.file;
     let beside = certifier.beside();
     let limit = certifier.to_prove(distance);
     if limit <= 0.0 {

@@ -2,6 +2,7 @@
 
 use super::{Certifier, EFFORT};
 use crate::error::VerifyError;
+use crate::memory;
 use chpm_extmem::{Cancel, MappedFile, Progress};
 use chpm_format::Chpm;
 use chpm_measure::Tiles;
@@ -58,9 +59,20 @@ pub fn further(
     budget: u64,
     progress: &dyn Progress,
     cancel: &Cancel,
+    collapse: impl FnOnce(&Goal<'_>) -> (Vec<u32>, Vec<[u32; 3]>) + Send,
+) -> Result<Option<Further>, VerifyError> {
+    memory::on_few(budget, memory::of_searcher(file), |budget| {
+        taken_further(&Certifier::new(file, EFFORT, budget, progress, cancel)?, (cut, distance), collapse)
+    })
+}
+
+/// The same, with what it takes.
+fn taken_further(
+    certifier: &Certifier<'_>,
+    (cut, distance): (&Cut, f32),
     collapse: impl FnOnce(&Goal<'_>) -> (Vec<u32>, Vec<[u32; 3]>),
 ) -> Result<Option<Further>, VerifyError> {
-    let certifier = Certifier::new(file, EFFORT, budget, progress, cancel)?;
+    let Certifier { file, progress, cancel, .. } = *certifier;
     let beside = certifier.beside();
     let limit = certifier.to_prove(distance);
     if !file.has_gaps() || limit <= 0.0 {

@@ -21,6 +21,7 @@ pub use further::{Further, Goal, further, room};
 use crate::cuts;
 use crate::deviation::{at_position, finest, source_tiles};
 use crate::error::VerifyError;
+use crate::memory;
 use chpm_extmem::{Cancel, MappedFile, Progress};
 use chpm_format::Chpm;
 use chpm_measure::Tiles;
@@ -236,7 +237,14 @@ pub fn certify(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<Certified, VerifyError> {
-    let certifier = Certifier::new(file, wanted.effort, budget, progress, cancel)?;
+    memory::on_few(budget, memory::of_searcher(file), |budget| {
+        rows(&Certifier::new(file, wanted.effort, budget, progress, cancel)?, wanted)
+    })
+}
+
+/// All that is wanted.
+fn rows(certifier: &Certifier<'_>, wanted: &Wanted) -> Result<Certified, VerifyError> {
+    let file = certifier.file;
     let leaf_errors = certifier.leaves.iter().map(|id| file.clusters()[id.index()].min_error.into());
     let mut found =
         Certified { rounding: leaf_errors.fold(0.0, f64::max), slack: slack(file), ..Certified::default() };
