@@ -56,13 +56,6 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
         }
     }
 
-    for (path, file) in [(Some(&args.file), Some(&file)), (args.compare.as_ref(), other.as_ref())] {
-        if let (Some(path), true) = (path, !args.quiet && file.is_some_and(|file| file.header().has_sheets()))
-        {
-            let path = path.display();
-            line(&format!("warning: pictures show colours of vertices, not the images that '{path}' has"));
-        }
-    }
     let cancel = stop.heed();
     let mut inputs = vec![args.file.as_path()];
     inputs.extend(args.compare.as_deref().into_iter().chain(args.built.as_deref()));
@@ -101,7 +94,8 @@ pub(crate) fn run(args: &Args, stop: &Stop) -> Result<Verdict> {
 fn memory_of(file: &Chpm<MappedFile>) -> u64 {
     let [shared, cluster] = stats::MEMORY;
     let h = file.header();
-    shared * u64::from(h.shared_vertex_count) + 2 * cluster * u64::from(h.cluster_count) + (32 << 20)
+    let image = if h.has_sheets() { 12 << 20 } else { 0 };
+    shared * u64::from(h.shared_vertex_count) + 2 * cluster * u64::from(h.cluster_count) + (32 << 20) + image
 }
 
 fn name(path: &Path) -> String {

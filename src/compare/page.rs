@@ -8,7 +8,7 @@ use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_refine::Portrait;
 use chpm_report::colors::Colors;
-use chpm_report::page::{Canvas, Compared, Lens};
+use chpm_report::page::{Canvas, Compared, Lens, Spot};
 
 /// Pixels of the picture.
 const PICTURE: [usize; 2] = [960, 640];
@@ -60,7 +60,8 @@ fn picture(file: &Chpm<MappedFile>, parts: &Parts, portrait: &Portrait, colors: 
         for corners in page.triangles {
             let corners = corners.map(usize::from);
             let distances = corners.map(|corner| [values[corner] as f32, 0.0, 0.0]);
-            canvas.draw(&lens, corners.map(|corner| page.positions[corner]), distances, 0);
+            let positions = corners.map(|corner| page.positions[corner]);
+            canvas.draw(&lens, positions, 0, |spot: Spot| Some(spot.mix(&distances)));
         }
         Ok(())
     })?;

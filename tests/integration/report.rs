@@ -47,6 +47,53 @@ fn colors(base64: &str) -> (BTreeSet<[u8; 3]>, usize) {
     (opaque.iter().copied().collect(), opaque.len())
 }
 
+/// Colours of images, on pages of one model and of many, with holes.
+#[test]
+fn pictures_show_images() {
+    let folder = super::sheets::textured();
+    folder.write("bare.obj", folder.read("a.obj"));
+    let half = |u: f64, v: f64| [&super::sheets::board(u, v)[..], &[if u < 0.5 { 255 } else { 0 }]].concat();
+    folder.write("half.png", super::sheets::png(512, half, png::ColorType::Rgba));
+    folder.write("half.mtl", "newmtl a\nmap_Kd half.png\nmap_d half.png\n");
+    folder.write("half.obj", text(&folder.read("a.obj")).replace("a.mtl", "half.mtl"));
+    for name in ["a", "half"] {
+        folder.stdout(&format!("build {name}.obj {}", super::sheets::BUILD));
+        assert_eq!(folder.stderr(&format!("report {name}.chpm -o {name}.html"), 0), "");
+    }
+    folder.stdout(&format!("build bare.obj {}", super::sheets::BUILD.replace("sheets", "none")));
+    folder.stdout("report bare.chpm -o bare.html");
+    let picture = |name: &str| {
+        let html = text(&folder.read(name));
+        let (colors, pixels) = colors(between(&html, "base64,", "\""));
+        // The board's light squares are yellow, its dark ones blue.
+        let count = |is: fn(&[u8; 3]) -> bool| colors.iter().filter(|color| is(color)).count();
+        let is_light = count(|[r, _, b]| r.saturating_sub(*b) > 60) > 20;
+        (is_light, count(|[r, _, b]| b.saturating_sub(*r) > 40) > 20, pixels)
+    };
+    let (all, half, bare) = (picture("a.html"), picture("half.html"), picture("bare.html"));
+    assert!(all.0 && all.1 && !bare.0 && !bare.1 && all.2 == bare.2, "{all:?} {bare:?}");
+    assert!(half.0 && half.1 && half.2.abs_diff(all.2 / 2) < all.2 / 20, "{half:?} {all:?}");
+
+    let damaged = folder.read("a.chpm");
+    let is_image = |place: &usize| damaged[*place..].starts_with(&[0xff, 0xd8, 0xff]);
+    let images: Vec<usize> = (0..damaged.len()).filter(is_image).collect();
+    let mut bytes = damaged.clone();
+    images.iter().for_each(|image| bytes[image + 3] ^= 0x55);
+    folder.write("bad.chpm", bytes);
+    assert!(
+        !images.is_empty() && folder.stderr("report bad.chpm -o bad.html", 2).contains("sheet of cluster")
+    );
+    assert!(!folder.path("bad.html").exists());
+
+    fs::create_dir(folder.path("many")).expect("a folder");
+    for name in ["a.obj", "a.mtl", "a.png"] {
+        folder.write(&format!("many/{name}"), folder.read(name));
+    }
+    folder.stdout("batch many -o out -q --report --texture sheets");
+    let (light, dark, _) = picture("out/index.html");
+    assert!(light && dark);
+}
+
 #[test]
 fn models_without_a_size_have_a_page() {
     let folder = Folder::new();

@@ -253,17 +253,6 @@ fn images_are_what_rays_see() {
 }
 
 #[test]
-fn images_that_a_report_leaves_out_are_told() {
-    let folder = super::sheets::textured();
-    folder.stdout(&format!("build a.obj -o a.chpm {}", super::sheets::BUILD));
-    let told = |words: &str| {
-        folder.stderr(words, 0).contains("colours of vertices, not the images that 'a.chpm' has")
-    };
-    assert!(told("report a.chpm -f -o a.html"));
-    assert!(!told("report a.chpm -qf -o a.html"));
-}
-
-#[test]
 fn a_still_says_what_it_took() {
     let folder = ball(20_000);
     let told = |words: &str| {

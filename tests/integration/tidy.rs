@@ -38,7 +38,10 @@ const EDGES: [(&str, &[&str]); 21] = [
             "chpm-texture",
         ],
     ),
-    ("chpm-report", &["chpm-mesh", "chpm-extmem", "chpm-format", "chpm-measure", "chpm-refine"]),
+    (
+        "chpm-report",
+        &["chpm-mesh", "chpm-extmem", "chpm-format", "chpm-measure", "chpm-refine", "chpm-texture"],
+    ),
     (
         "chpm-verify",
         &[

@@ -2,6 +2,7 @@
 
 use chpm_extmem::Cancelled;
 use chpm_format::FormatError;
+use chpm_mesh::ClusterId;
 use chpm_refine::RefineError;
 
 /// Why a file could not be reported on.
@@ -14,6 +15,9 @@ pub enum ReportError {
     /// A cut of the file could not be made.
     #[error(transparent)]
     Refine(#[from] RefineError),
+    /// The image of a cluster's surface is damaged.
+    #[error("the image of cluster {} is damaged: build the file anew", .0.0)]
+    Image(ClusterId),
     /// It was asked to stop.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),

@@ -29,7 +29,6 @@ use eye::{Eye, Vector};
 use rayon::prelude::*;
 use sequence::Sequence;
 use shade::{Light, Spot};
-use sheet::Painted;
 use skin::Skin;
 use skins::Skins;
 use std::ops::Range;
@@ -128,7 +127,7 @@ impl StillMemory {
     pub fn own<D: AsRef<[u8]>>(file: &Chpm<D>, viewport: [u32; 2]) -> u64 {
         let pixels = viewport.map(u64::from).iter().product::<u64>();
         let lists = 24 * file.clusters().len() as u64;
-        let image = if file.header().has_sheets() { Painted::MOST } else { 0 };
+        let image = if file.header().has_sheets() { sheet::MOST } else { 0 };
         Memory::own(file) + Borders::memory(file) + lists + image + 8 * pixels
     }
 }

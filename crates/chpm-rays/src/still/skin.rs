@@ -3,10 +3,10 @@
 use super::Paint;
 use super::borders::Borders;
 use super::eye::Vector;
-use super::sheet::Painted;
 use chpm_format::{ClusterRecord, Page};
 use chpm_mesh::facing::{FLAT, Facing, facings};
 use chpm_mesh::{Places, viridis};
+use chpm_texture::sheet::Painted;
 
 /// The colour where there is none, and of what is no number.
 pub(super) const PLAIN: [f64; 3] = [0.78, 0.76, 0.72];

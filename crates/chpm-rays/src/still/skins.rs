@@ -2,7 +2,7 @@
 
 use super::Paint;
 use super::borders::Borders;
-use super::sheet::Painted;
+use super::sheet;
 use super::skin::Skin;
 use crate::error::RayError;
 use crate::readers::Readers;
@@ -68,8 +68,8 @@ impl<'s, 'a, D: AsRef<[u8]> + Sync> Skins<'s, 'a, D> {
 
     fn bytes_of(&self, cluster: ClusterId) -> u64 {
         let record = &self.file.clusters()[cluster.index()];
-        let sheet = self.sheets().get(cluster.index());
-        let image = sheet.map_or(0, |sheet| Painted::bytes_of(sheet, record.triangle_count));
+        let image = self.sheets().get(cluster.index());
+        let image = image.map_or(0, |image| sheet::bytes_of(image, record.triangle_count));
         Skin::bytes_of(record) + image
     }
 
@@ -105,8 +105,8 @@ impl<'s, 'a, D: AsRef<[u8]> + Sync> Skins<'s, 'a, D> {
                 return Err(RayError::Stopped);
             }
             let mut skin = Skin::new(&file.page(*cluster)?.view(), is_finest(*cluster), paint, borders);
-            if has_images && let Some(sheet) = file.sheet(*cluster)? {
-                skin.sheet = Some(Painted::new(sheet).ok_or(RayError::Image(*cluster))?);
+            if has_images && let Some(image) = file.sheet(*cluster)? {
+                skin.sheet = Some(sheet::painted(image).ok_or(RayError::Image(*cluster))?);
             }
             Ok(skin)
         };

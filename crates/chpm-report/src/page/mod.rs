@@ -10,7 +10,7 @@ mod tree;
 
 pub use batch::{Card, index};
 pub use compared::Compared;
-pub use raster::{Canvas, Lens};
+pub use raster::{Canvas, Lens, Spot};
 pub use report::{Shown, html};
 pub use seen::thumbnail;
 

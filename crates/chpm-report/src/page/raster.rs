@@ -63,6 +63,22 @@ fn samples(values: [f64; 3], count: usize) -> (f64, f64) {
     ((low - 0.5).ceil().max(0.0), (high - 0.5).floor().min(count as f64 - 1.0))
 }
 
+/// A sample on a triangle.
+#[derive(Clone, Copy, Debug)]
+pub struct Spot {
+    /// Shares of the corners in its point.
+    pub shares: [f32; 3],
+    /// How far samples are apart there, in units of the picture.
+    pub apart: f64,
+}
+
+impl Spot {
+    /// The mixture of what the corners have.
+    pub fn mix(&self, corners: &[[f32; 3]; 3]) -> [f32; 3] {
+        [0, 1, 2].map(|n| (0..3).map(|i| self.shares[i] * corners[i][n]).sum())
+    }
+}
+
 impl Canvas {
     /// With nothing on it.
     pub fn new(size: [usize; 2]) -> Self {
@@ -76,8 +92,14 @@ impl Canvas {
         }
     }
 
-    /// Draws a triangle of a part, where it is nearer than what is there.
-    pub fn draw(&mut self, lens: &Lens, corners: [[f32; 3]; 3], tints: [[f32; 3]; 3], part: u32) {
+    /// Draws a triangle of a part, where it is nearer than what is there; `tint` tells its colour, or that nothing is there.
+    pub fn draw(
+        &mut self,
+        lens: &Lens,
+        corners: [[f32; 3]; 3],
+        part: u32,
+        tint: impl Fn(Spot) -> Option<[f32; 3]>,
+    ) {
         let [p, q, r] = corners.map(|corner| lens.place(corner));
         let [Some(a), Some(b), Some(c)] = [p, q, r].map(|point| lens.at(point)) else { return };
         let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
@@ -100,13 +122,16 @@ impl Canvas {
                 if weights.iter().any(|weight| *weight < 0.0) {
                     continue;
                 }
-                let near = (weights[0] * a[2] + weights[1] * b[2] + weights[2] * c[2]) as f32;
+                let shares = [weights[0] * a[2], weights[1] * b[2], weights[2] * c[2]];
+                let near: f64 = shares.iter().sum();
                 let sample = y * width + x;
-                if near > self.near[sample] {
-                    (self.near[sample], self.part[sample], self.light[sample]) = (near, part, light);
-                    self.tint[sample] =
-                        [0, 1, 2].map(|n| (0..3).map(|i| weights[i] as f32 * tints[i][n]).sum());
+                if near as f32 <= self.near[sample] {
+                    continue;
                 }
+                let shares = shares.map(|share| (share / near) as f32);
+                let Some(tint) = tint(Spot { shares, apart: 1.0 / (near * lens.scale) }) else { continue };
+                (self.near[sample], self.part[sample], self.light[sample]) = (near as f32, part, light);
+                self.tint[sample] = tint;
             }
         }
     }
@@ -151,16 +176,18 @@ mod tests {
         let lens = Lens::new(&camera, size, Vector3::from([1.0; 3]));
         let mut seen = Canvas::new(size);
         let triangle = |z: f32, s: f32| [[-s, -s, z], [s, -s, z], [0.0, s, z]];
-        let tints = |t: f32| [[t; 3]; 3];
-        seen.draw(&lens, triangle(0.0, 2.0), tints(0.5), 0);
-        seen.draw(&lens, triangle(1.0, 1.0), tints(1.0), 1);
-        seen.draw(&lens, triangle(-3.0, 9.0), tints(0.0), 0);
-        // One that reaches behind the eye.
-        seen.draw(&lens, [[-9.0, -9.0, 1.0], [9.0, -9.0, 1.0], [0.0, 0.0, 20.0]], tints(0.0), 2);
+        let tint = |tint: f32| move |spot: Spot| Some(spot.mix(&[[tint; 3]; 3]));
+        seen.draw(&lens, triangle(0.0, 2.0), 0, tint(0.5));
+        seen.draw(&lens, triangle(1.0, 1.0), 1, tint(1.0));
+        seen.draw(&lens, triangle(-3.0, 9.0), 0, tint(0.0));
+        // One that reaches behind the eye, and one that is a hole.
+        seen.draw(&lens, [[-9.0, -9.0, 1.0], [9.0, -9.0, 1.0], [0.0, 0.0, 20.0]], 2, tint(0.0));
+        seen.draw(&lens, triangle(2.0, 1.0), 3, |_| None);
         let middle = 20 * 40 + 20;
         assert_eq!((seen.part[middle], seen.part[0]), (1, NOTHING));
         assert!(seen.part.contains(&0) && seen.part.iter().filter(|part| **part != NOTHING).count() > 100);
         assert!(seen.light[middle] > 0.8 && (seen.tint[middle][0] - 1.0).abs() < 1e-6);
+        assert!(!seen.part.contains(&3));
         assert!(seen.picture(|_, _| [200; 3]).unwrap().starts_with("iVBORw0KGgo"));
     }
 }

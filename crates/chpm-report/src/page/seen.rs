@@ -1,17 +1,25 @@
 //! A model as a picture shows it: as it is, or in colours of its clusters, levels or errors.
 
-use super::raster::{Canvas, Lens};
+use super::raster::{Canvas, Lens, Spot};
 use crate::colors::Colors;
 use crate::error::ReportError;
 use chpm_extmem::MappedFile;
-use chpm_format::Chpm;
+use chpm_format::{Chpm, Sheet};
+use chpm_mesh::pm::is_alive;
+use chpm_mesh::{ClusterId, Places};
 use chpm_refine::{Camera, Cut, Hierarchy, Portrait, View, select_triangles};
+use chpm_texture::sheet::Painted;
 use nalgebra::Point3;
 
 /// Triangles of a picture, about: some for each pixel of the model.
 const TRIANGLES: u64 = 150_000;
 /// A surface without colours of its own.
 const PLAIN: [f32; 3] = [199.0, 194.0, 184.0];
+
+/// Longest side, texels, that an image of a cluster is seen with: a picture has no more samples.
+const LONGEST: u32 = 1024;
+/// What covers less than this is a hole.
+const COVERED: f64 = 0.5;
 
 /// Meaning of a picture's colours.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -61,7 +69,7 @@ pub(super) fn look(
     };
 
     let lens = Lens::new(&camera, size, portrait.stretch());
-    let mut triangles = Vec::new();
+    let mut places = Places::default();
     for member in cut.members() {
         let page = file.page(member.cluster)?;
         let page = page.view();
@@ -69,18 +77,35 @@ pub(super) fn look(
         let n = member.vertices as usize;
         let level = file.clusters()[member.cluster.index()].level;
         seen.members.push((member.cluster.0, level, page.error_at(n)));
-        triangles.clear();
-        page.progressive_mesh().triangles_at(n, &mut triangles);
-        for corners in &triangles {
+        let image = image_of(file, member.cluster)?;
+        places.go_to(&page.progressive_mesh(), n);
+        for (triangle, corners) in (0..).zip(page.triangles) {
+            let corners = corners.map(|corner| places.of(corner));
+            if !is_alive(&corners) {
+                continue;
+            }
             let positions = corners.map(|corner| page.positions[usize::from(corner)]);
             let tints = corners.map(|corner| match page.colors.get(usize::from(corner)) {
                 Some([r, g, b, _]) => [r, g, b].map(|channel| f32::from(*channel)),
                 None => PLAIN,
             });
-            seen.canvas.draw(&lens, positions, tints, part);
+            seen.canvas.draw(&lens, positions, part, |spot: Spot| {
+                let Some(image) = &image else { return Some(spot.mix(&tints)) };
+                let point = spot.mix(&positions).map(f64::from);
+                let [red, green, blue, alpha] = image.texel(triangle, point, spot.apart);
+                (alpha >= COVERED).then(|| [red, green, blue].map(|channel| 255.0 * channel as f32))
+            });
         }
     }
     Ok(seen)
+}
+
+/// The image of a cluster's surface, if it has one.
+fn image_of(file: &Chpm<MappedFile>, cluster: ClusterId) -> Result<Option<Painted>, ReportError> {
+    let Some(Sheet { record, layout, image }) = file.sheet(cluster)? else { return Ok(None) };
+    let triangles = (layout.origin, layout.charts, layout.chart_of);
+    let painted = Painted::new((image, record.size, LONGEST), record.texel, triangles);
+    painted.map(Some).ok_or(ReportError::Image(cluster))
 }
 
 /// A camera at the model's right side, as it is shown, that looks through it.
