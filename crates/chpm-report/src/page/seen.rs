@@ -18,8 +18,8 @@ const PLAIN: [f32; 3] = [199.0, 194.0, 184.0];
 
 /// Longest side, texels, that an image of a cluster is seen with: a picture has no more samples.
 const LONGEST: u32 = 1024;
-/// What covers less than this is a hole.
-const COVERED: f64 = 0.5;
+/// Opacity below which there is a hole.
+const OPAQUE: f64 = 0.5;
 
 /// Meaning of a picture's colours.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -93,7 +93,7 @@ pub(super) fn look(
                 let Some(image) = &image else { return Some(spot.mix(&tints)) };
                 let point = spot.mix(&positions).map(f64::from);
                 let [red, green, blue, alpha] = image.texel(triangle, point, spot.apart);
-                (alpha >= COVERED).then(|| [red, green, blue].map(|channel| 255.0 * channel as f32))
+                (alpha >= OPAQUE).then(|| [red, green, blue].map(|channel| 255.0 * channel as f32))
             });
         }
     }
