@@ -68,7 +68,7 @@ impl Bvh {
         visits > CROWD * TRIALS
     }
 
-    /// Bytes that one of so many triangles takes at most.
+    /// Bytes that one of so many triangles takes at most, unless these are a handful.
     pub(crate) fn bytes(triangles: u64) -> u64 {
         BYTES * triangles
     }

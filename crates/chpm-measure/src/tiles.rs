@@ -183,6 +183,7 @@ mod tests {
             Aabb::of_points(part.triangles.as_flattened().iter().map(|v| &part.positions[*v as usize]))
         };
         let whole = Bvh::new(&mesh.positions, &mesh.triangles);
+        assert!(whole.len_bytes() as u64 <= Bvh::bytes(mesh.triangles.len() as u64));
         for budget in [0, 40_000, u64::MAX] {
             let loads = AtomicUsize::new(0);
             let tiles = Tiles::new(parts.iter().map(bounds).collect(), budget, |tile| {

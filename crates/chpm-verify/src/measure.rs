@@ -89,7 +89,7 @@ pub fn measure(
         return Err(VerifyError::Different { path, source_path, faults });
     }
 
-    let each = memory::of_searcher(file) + Block::BYTES;
+    let each = memory::of_searcher(memory::largest(file)) + Block::BYTES;
     memory::on_few(free, each, |free| {
         let judge = Judge::new(file, measures.samples as usize, free, progress, cancel)?;
         rows(&judge, measures, compared, progress, cancel)

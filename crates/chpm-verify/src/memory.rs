@@ -68,9 +68,13 @@ pub fn divide_among<const N: usize>(
     Ok(halves)
 }
 
-/// Bytes that a thread takes which holds clusters against a surface of clusters: tiles at hand, and the parts that wait meanwhile.
-pub(crate) fn of_searcher(file: &Chpm<MappedFile>) -> u64 {
-    let largest = file.clusters().iter().map(|cluster| cluster.triangle_count).max().unwrap_or(0).into();
+/// Triangles of the cluster that has most.
+pub(crate) fn largest(file: &Chpm<MappedFile>) -> u64 {
+    file.clusters().iter().map(|cluster| cluster.triangle_count).max().unwrap_or(0).into()
+}
+
+/// Bytes that a thread takes which holds parts against a surface of tiles, none of more than so many triangles: tiles at hand, and the parts that wait meanwhile.
+pub(crate) fn of_searcher(largest: u64) -> u64 {
     Searcher::bytes(largest) + WAITING * PART_BYTES * largest
 }
 
@@ -104,4 +108,26 @@ fn fixed(file: &Chpm<MappedFile>, own: u64) -> u64 {
 /// The memory with which so many files can be read of which the one that takes most takes `fixed` bytes.
 fn least(files: usize, fixed: u64) -> u64 {
     files as u64 * (fixed + LEAST).next_multiple_of(UNIT)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn threads_are_as_many_as_there_is_room_for() {
+        let pool = ThreadPoolBuilder::new().num_threads(8).build().unwrap();
+        let found = |free, each| {
+            let work = |left| Ok((rayon::current_num_threads(), left));
+            pool.install(|| on_few(free, each, work)).unwrap()
+        };
+        // Beside the first, in half of what is free.
+        assert_eq!(found(0, 10), (1, 0));
+        assert_eq!(found(19, 10), (1, 19));
+        assert_eq!(found(60, 10), (4, 30));
+        assert_eq!(found(1000, 10), (8, 930));
+        assert_eq!(found(1000, 0), (8, 1000));
+        let stopped = pool.install(|| on_few(0, 10, |_| Err::<(), _>(chpm_extmem::Cancelled.into())));
+        assert!(matches!(stopped, Err(VerifyError::Cancelled(_))));
+    }
 }

@@ -16,7 +16,7 @@ const TRIANGLES: u64 = 150_000;
 /// A surface without colours of its own.
 const PLAIN: [f32; 3] = [199.0, 194.0, 184.0];
 
-/// Longest side, texels, that an image of a cluster is seen with: a picture has no more samples.
+/// Longest side, texels, that an image of a cluster is seen with: about the pixels of a picture, whatever the memory.
 const LONGEST: u32 = 1024;
 /// Opacity below which there is a hole.
 const OPAQUE: f64 = 0.5;

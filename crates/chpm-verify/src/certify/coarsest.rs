@@ -8,7 +8,6 @@ use super::drawn::Drawn;
 use super::{Certifier, EFFORT, Side, Way};
 use crate::deviation::finest;
 use crate::error::VerifyError;
-use crate::memory;
 use chpm_extmem::{Cancel, MappedFile, Progress};
 use chpm_format::Chpm;
 use chpm_measure::Tiles;
@@ -52,13 +51,12 @@ pub fn coarsest(
         cancel.check()?;
         file.page(ClusterId(id))?;
     }
-    memory::on_few(budget, memory::of_searcher(file), |budget| {
-        within(&Certifier::new(file, EFFORT, budget, progress, cancel)?, distance)
-    })
+    let work = |certifier: &Certifier<'_>| coarsest_by(certifier, distance);
+    Certifier::on_few((file, 0), EFFORT, budget, (progress, cancel), work)
 }
 
-/// The same, with what it takes.
-fn within(certifier: &Certifier<'_>, distance: f32) -> Result<Option<Proven>, VerifyError> {
+/// As [`coarsest`], as far as a certifier proves it.
+fn coarsest_by(certifier: &Certifier<'_>, distance: f32) -> Result<Option<Proven>, VerifyError> {
     let file = certifier.file;
     let beside = certifier.beside();
     let limit = certifier.to_prove(distance);

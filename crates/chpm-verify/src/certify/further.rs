@@ -2,7 +2,6 @@
 
 use super::{Certifier, EFFORT};
 use crate::error::VerifyError;
-use crate::memory;
 use chpm_extmem::{Cancel, MappedFile, Progress};
 use chpm_format::Chpm;
 use chpm_measure::Tiles;
@@ -61,13 +60,12 @@ pub fn further(
     cancel: &Cancel,
     collapse: impl FnOnce(&Goal<'_>) -> (Vec<u32>, Vec<[u32; 3]>) + Send,
 ) -> Result<Option<Further>, VerifyError> {
-    memory::on_few(budget, memory::of_searcher(file), |budget| {
-        taken_further(&Certifier::new(file, EFFORT, budget, progress, cancel)?, (cut, distance), collapse)
-    })
+    let work = |certifier: &Certifier<'_>| further_by(certifier, (cut, distance), collapse);
+    Certifier::on_few((file, TILE as u64), EFFORT, budget, (progress, cancel), work)
 }
 
-/// The same, with what it takes.
-fn taken_further(
+/// As [`further`], as far as a certifier proves it.
+fn further_by(
     certifier: &Certifier<'_>,
     (cut, distance): (&Cut, f32),
     collapse: impl FnOnce(&Goal<'_>) -> (Vec<u32>, Vec<[u32; 3]>),

@@ -237,45 +237,8 @@ pub fn certify(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<Certified, VerifyError> {
-    memory::on_few(budget, memory::of_searcher(file), |budget| {
-        rows(&Certifier::new(file, wanted.effort, budget, progress, cancel)?, wanted)
-    })
-}
-
-/// All that is wanted.
-fn rows(certifier: &Certifier<'_>, wanted: &Wanted) -> Result<Certified, VerifyError> {
-    let file = certifier.file;
-    let leaf_errors = certifier.leaves.iter().map(|id| file.clusters()[id.index()].min_error.into());
-    let mut found =
-        Certified { rounding: leaf_errors.fold(0.0, f64::max), slack: slack(file), ..Certified::default() };
-    for level in
-        (0..file.levels().len() as u32).filter(|l| wanted.levels.is_empty() || wanted.levels.contains(l))
-    {
-        for step in (0..wanted.positions).rev() {
-            let collapsed = 1.0 - f64::from(step) / f64::from(wanted.positions);
-            let cut = at_position(file, level, collapsed)?;
-            let label = format!("level {level}, {:.0} %", 100.0 * collapsed);
-            let which = Which::Level { level, collapsed };
-            found.levels.push(certifier.cut(&cut, which, &label, found.rounding, |cluster| {
-                file.clusters()[cluster.index()].level == level
-            })?);
-        }
-        // What remnants add to the errors of this level.
-        if file.has_remnants() && level > 0 {
-            let distance = file.levels()[level as usize].max_error;
-            let which = Which::Within { distance };
-            let cut = Cut::at_distance(file, distance)?;
-            found.within.push(certifier.cut(&cut, which, &which.to_string(), found.rounding, |_| true)?);
-        }
-    }
-    let hierarchy = Hierarchy::new(file);
-    let (first, count) = wanted.cuts;
-    for seed in (0..count).map(|i| first.wrapping_add(i.into())) {
-        let cut = cuts::draw(file, &hierarchy, seed)?;
-        let label = format!("cut {seed}");
-        found.cuts.push(certifier.cut(&cut, Which::Cut { seed }, &label, found.rounding, |_| true)?);
-    }
-    Ok(found)
+    let work = |certifier: &Certifier<'_>| certifier.rows(wanted);
+    Certifier::on_few((file, 0), wanted.effort, budget, (progress, cancel), work)
 }
 
 /// By how much what a proof tells may be beyond the truth at most.
@@ -286,6 +249,18 @@ fn slack(file: &Chpm<MappedFile>) -> f64 {
 }
 
 impl<'a> Certifier<'a> {
+    /// Does `work` with a certifier, on as many threads as `budget` bytes have room for where no tile has more triangles than a cluster of the file has, or `tile`.
+    fn on_few<R: Send>(
+        (file, tile): (&Chpm<MappedFile>, u64),
+        effort: u32,
+        budget: u64,
+        (progress, cancel): (&dyn Progress, &Cancel),
+        work: impl FnOnce(&Certifier<'_>) -> Result<R, VerifyError> + Send,
+    ) -> Result<R, VerifyError> {
+        let each = memory::of_searcher(memory::largest(file).max(tile));
+        memory::on_few(budget, each, |budget| work(&Certifier::new(file, effort, budget, progress, cancel)?))
+    }
+
     fn new(
         file: &'a Chpm<MappedFile>,
         effort: u32,
@@ -297,6 +272,45 @@ impl<'a> Certifier<'a> {
         let (leaves, source) = source_tiles(file, budget, cancel);
         let size = size_of(leaves.len(), |leaf| finest(file, leaves[leaf]), cancel)?;
         Ok(Certifier { file, leaves, source, size, budget, effort: f64::from(effort), progress, cancel })
+    }
+
+    /// All that is wanted.
+    fn rows(&self, wanted: &Wanted) -> Result<Certified, VerifyError> {
+        let file = self.file;
+        let leaf_errors = self.leaves.iter().map(|id| file.clusters()[id.index()].min_error.into());
+        let mut found = Certified {
+            rounding: leaf_errors.fold(0.0, f64::max),
+            slack: slack(file),
+            ..Certified::default()
+        };
+        for level in
+            (0..file.levels().len() as u32).filter(|l| wanted.levels.is_empty() || wanted.levels.contains(l))
+        {
+            for step in (0..wanted.positions).rev() {
+                let collapsed = 1.0 - f64::from(step) / f64::from(wanted.positions);
+                let cut = at_position(file, level, collapsed)?;
+                let label = format!("level {level}, {:.0} %", 100.0 * collapsed);
+                let which = Which::Level { level, collapsed };
+                found.levels.push(self.cut(&cut, which, &label, found.rounding, |cluster| {
+                    file.clusters()[cluster.index()].level == level
+                })?);
+            }
+            // What remnants add to the errors of this level.
+            if file.has_remnants() && level > 0 {
+                let distance = file.levels()[level as usize].max_error;
+                let which = Which::Within { distance };
+                let cut = Cut::at_distance(file, distance)?;
+                found.within.push(self.cut(&cut, which, &which.to_string(), found.rounding, |_| true)?);
+            }
+        }
+        let hierarchy = Hierarchy::new(file);
+        let (first, count) = wanted.cuts;
+        for seed in (0..count).map(|i| first.wrapping_add(i.into())) {
+            let cut = cuts::draw(file, &hierarchy, seed)?;
+            let label = format!("cut {seed}");
+            found.cuts.push(self.cut(&cut, Which::Cut { seed }, &label, found.rounding, |_| true)?);
+        }
+        Ok(found)
     }
 
     /// Certifies a cut; of what is drawn, the clusters for which `is_asked`, and the remnants.
