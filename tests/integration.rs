@@ -70,6 +70,9 @@ mod integration {
     mod memory;
     /// The hierarchy for mesh shaders, read by the document alone.
     mod meshlets;
+    /// The reader in JavaScript and the page.
+    #[cfg(feature = "web")]
+    mod node;
     /// Surfaces that touch, coincide or overlap: no report of what the source has itself.
     mod odd_cuts;
     /// Odd sources, names and options: what is told of them, and what comes out.

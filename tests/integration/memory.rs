@@ -159,7 +159,7 @@ fn threads_that_compare_with_many_clusters_stay_within_the_memory() {
 #[test]
 fn threads_that_hold_surfaces_together_stay_within_the_memory() {
     let folder = Folder::new();
-    folder.stdout("synth isosurface --triangles 200000 -o in.ply -q");
+    folder.stdout("synth isosurface --triangles 60000 -o in.ply -q");
     folder.stdout("build in.ply -q");
     for words in [
         "extract in.chpm --error 1% --tight -o out.ply -qf",

@@ -14,6 +14,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 const TOP: [u8; 8] = *b"CHPMmlts";
 
+/// From where each model is looked at.
+const VIEWS: u32 = 13;
+
 /// An error, and the group whose box it is seen in.
 type Seen = (f32, usize);
 
@@ -220,22 +223,23 @@ fn meshlets_draw_the_cuts_of_the_file_and_they_have_no_cracks() {
         let meshlets = exported(&folder, name, more);
         let file = open(&folder, &format!("{name}.chpm"));
         let source = source(&file);
+        let welded = weld(&source);
         let mut mixed = 0;
-        for view in views(&file, 34) {
+        for view in views(&file, VIEWS) {
             let drawn = meshlets.drawn(|seen| meshlets.seen_by(&view, seen));
             let (mesh, cut) = (meshlets.mesh_of(&drawn), cut(&file, &view));
             cut.check(&file).expect("a legal cut");
             let expected = extract(&file, &cut).expect("a mesh");
             assert_eq!(bits(&mesh), bits(&expected), "{name} {view:?}");
             assert_eq!(open_edges(&mesh), open_edges(&expected), "{name} {view:?}");
-            assert!(cracks(&weld(&mesh), &weld(&source)).is_empty(), "{name} {view:?}");
+            assert!(cracks(&weld(&mesh), &welded).is_empty(), "{name} {view:?}");
             let levels: BTreeSet<u32> = drawn.iter().map(|m| meshlets.meshes[m.mesh].level).collect();
             mixed += u32::from(levels.len() > 1);
             // Whatever is rounded.
             let single = meshlets.mesh_of(&meshlets.drawn(|seen| meshlets.seen_single(&view, seen)));
-            assert!(cracks(&weld(&single), &weld(&source)).is_empty(), "{name} {view:?}");
+            assert!(cracks(&weld(&single), &welded).is_empty(), "{name} {view:?}");
         }
-        assert!(mixed > 10 || name == "roots", "{name}: {mixed} views of several levels");
+        assert!(3 * mixed > VIEWS || name == "roots", "{name}: {mixed} views of several levels");
         let all = View { eye: [0.0; 3], allowed: 0.0 };
         let nearest = meshlets.mesh_of(&meshlets.drawn(|seen| meshlets.seen_single(&all, seen)));
         assert_eq!(bits(&nearest), bits(&source), "{name}");

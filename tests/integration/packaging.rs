@@ -146,3 +146,16 @@ fn what_a_release_makes_is_no_change_of_its_source() {
     }
     assert!(!git(&["check-ignore", "--quiet", "src/main.rs"]).success());
 }
+
+/// A crate alone has the texts of its licences, too: links here, files in what is published.
+#[test]
+fn every_crate_has_the_texts_of_its_licences() {
+    for entry in fs::read_dir(root().join("crates")).expect("a folder") {
+        let place = entry.expect("a crate").path();
+        for name in ["LICENSE-APACHE", "LICENSE-MIT"] {
+            let text =
+                fs::read_to_string(place.join(name)).unwrap_or_else(|error| panic!("{place:?}: {error}"));
+            assert_eq!(text, read(name), "{place:?}");
+        }
+    }
+}

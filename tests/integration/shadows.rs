@@ -47,14 +47,11 @@ fn maps_have_the_shadows_of_rays() {
         return;
     }
     for words in [
-        "blocks.chpm --up z --view iso --light 60,30",
         "blocks.chpm --up z --view iso --light -80,20 --shading flat",
         "blocks.chpm --camera 3,-9,1.5,5,0,0.5,50 --up z --light 70,30",
         "blocks.chpm --up z --view iso --light 60,30 --clip z:0.8",
         "isosurface.chpm --light 40,40",
-        "isosurface.chpm --light -60,10 --poe 0 --shading flat",
         "isosurface.chpm --camera 0.17,0.17,0.95,0.15,0.12,0.3,60 --light 50,30",
-        "isosurface.chpm --camera 0.45,0.3,0.75,0.17,0.17,0.5,40 --light -50,30",
         "terrain.chpm --up z --view iso --light 80,10",
         "terrain.chpm --up z --camera 0.5,0.05,0.25,0.5,0.6,0,45 --light 75,5",
         "sphere.chpm --light 60,20",

@@ -125,7 +125,7 @@ fn sheets_are_drawn() {
         ("--adapter software --triangles 700", 0.9),
         ("--adapter software --smooth --poe 0.5 --samples 4", 0.99),
         ("--rays --poe 0 --samples 1 --occlusion 0 --no-shadows", 0.99),
-        ("--rays --poe 2 --samples 2 --smooth", 0.99),
+        ("--rays --poe 2 --samples 1 --smooth --occlusion 0 --no-shadows", 0.99),
     ] {
         let [sheets, vertices] = ["sheets", "vertices"].map(|name| share_of_squares(&folder, name, ask));
         assert!(sheets >= least, "{ask}: {sheets} of the squares");
@@ -501,7 +501,7 @@ pub(crate) fn points_of(
 /// The share of a picture's pixels that show the model.
 #[cfg(feature = "viewer")]
 fn share_of_model(folder: &Folder, name: &str, ask: &str) -> f64 {
-    let camera = "--camera 0.5,0.5,3,0.5,0.5,0,19 --up y --viewport 512x512 --transparent";
+    let camera = "--camera 0.5,0.5,3,0.5,0.5,0,19 --up y --viewport 256x256 --transparent";
     folder.stdout(&format!("render {name}.chpm -o {name}.png -f -q {camera} {ask}"));
     let (.., pixels) = picture(folder, &format!("{name}.png"));
     pixels.iter().map(|pixel| f64::from(pixel[3]) / 255.0).sum::<f64>() / pixels.len() as f64
@@ -531,7 +531,7 @@ fn sheets_are_drawn_with_their_holes() {
         "--adapter software --triangles 700",
         "--adapter software --poe 0 --samples 1",
         "--rays --poe 0 --samples 1 --occlusion 0 --no-shadows",
-        "--rays --poe 3 --samples 2",
+        "--rays --poe 3 --samples 2 --occlusion 2",
     ] {
         let [holes, whole] = ["holes", "whole"].map(|name| share_of_model(&folder, name, ask));
         let share = holes / whole;

@@ -1,6 +1,6 @@
-//! `chpm serve` and `chpm share`, the reader in JavaScript, and the page.
+//! `chpm serve` and `chpm share`, and the page beside the library.
 
-use super::harness::{CHPM, Folder, skipped};
+use super::harness::{Folder, skipped};
 use chpm_extmem::MappedFile;
 use chpm_format::Chpm;
 use chpm_refine::{Camera, Cut, Hierarchy, View, is_visible, select_by};
@@ -480,47 +480,6 @@ fn a_model_in_pieces_is_the_model() {
     folder.stdout("share a.chpm -o site -q --split --force");
     folder.stdout("share a.chpm -o site -q --force");
     assert!(folder.path("site/model.chpm").exists() && !folder.path("site/model").exists());
-}
-
-#[test]
-fn the_reader_and_the_page_pass_their_tests() {
-    let node = Command::new("node").arg("--version").output();
-    let version = node.map(|out| String::from_utf8_lossy(&out.stdout).trim().to_owned()).unwrap_or_default();
-    let major: u32 =
-        version.trim_start_matches('v').split('.').next().and_then(|n| n.parse().ok()).unwrap_or(0);
-    if major < 20 {
-        skipped(format_args!("the reader in JavaScript: no Node.js 20 or newer ({version:?})"));
-        return;
-    }
-    let tests = concat!(env!("CARGO_MANIFEST_DIR"), "/web/test");
-    let names = [
-        "facing.test.mjs",
-        "source.test.mjs",
-        "orbit.test.mjs",
-        "crossing.test.mjs",
-        "occlusion.test.mjs",
-        "reader.test.mjs",
-        "select.test.mjs",
-        "glide.test.mjs",
-        "page.test.mjs",
-        "sheets.test.mjs",
-        "share.test.mjs",
-        "tools.test.mjs",
-        "package.test.mjs",
-        "section.test.mjs",
-        "outline.test.mjs",
-        "decoder.test.mjs",
-        "worker.test.mjs",
-        "tabs.test.mjs",
-        "contrast.test.mjs",
-        "volumes.test.mjs",
-    ];
-    let out = Command::new("node").current_dir(tests).env("CHPM", CHPM).arg("--test").args(names).output();
-    let out = out.expect("a process");
-    let said = String::from_utf8_lossy(&out.stdout);
-    assert!(out.status.success(), "{said}");
-    // What was skipped, and why.
-    said.lines().filter(|line| line.contains("# SKIP")).for_each(skipped);
 }
 
 #[test]
