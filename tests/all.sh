@@ -26,6 +26,8 @@ part() {
 part "tools" bash tests/tools.sh
 [ ! -f "${CARGO_HOME:-$HOME/.cargo}/env" ] || . "${CARGO_HOME:-$HOME/.cargo}/env"
 export PATH="$PATH:$PWD/target/tools/bin"
+# Some tests wait for a browser, a server or a signal: with half as many more at once, no processor does.
+export RUST_TEST_THREADS="${RUST_TEST_THREADS:-$((($(getconf _NPROCESSORS_ONLN) * 3 + 1) / 2))}"
 # Mesa looks for a folder of the session; any will do.
 export XDG_RUNTIME_DIR="${XDG_RUNTIME_DIR:-/tmp}"
 
