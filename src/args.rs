@@ -199,7 +199,7 @@ impl NormalsArg {
 /// [`Texture`], as far as it can be asked for.
 #[derive(ValueEnum, Clone, Copy, Debug)]
 enum TextureArg {
-    /// Nothing: texture coordinates are left out
+    /// Nothing: texture coordinates and colours of materials are left out
     None,
     /// Their texels are averaged into the colours of vertices
     Vertices,

@@ -107,13 +107,72 @@ fn any_memory_and_threads_give_the_same_bytes() {
     assert!(built.windows(2).all(|two| two[0] == two[1]));
 }
 
+/// Colours of materials are those of vertices, where these have none; a shade of grey alone says nothing.
+#[test]
+fn materials_without_images_are_coloured() {
+    let folder = Folder::new();
+    let hill = obj(16, "mtllib a.mtl\nusemtl red\n");
+    // The same surface again, two units farther, in another colour.
+    let beside: String = hill
+        .lines()
+        .filter_map(|line| line.strip_prefix("v ")?.split_once(' '))
+        .map(|(x, rest)| format!("v {} {rest}\n", x.parse::<f64>().expect("a number") + 2.0))
+        .collect();
+    let faces = hill.lines().filter(|line| line.starts_with("f "));
+    let behind: String = faces
+        .map(|line| {
+            let corners = line.split(' ').skip(1).map(|corner| corner.split('/').next().expect("a vertex"));
+            let corners = corners.map(|number| number.parse::<usize>().expect("a number") + 17 * 17);
+            corners.fold("f".to_owned(), |text, number| text + " " + &number.to_string()) + "\n"
+        })
+        .collect();
+    folder.write("a.obj", format!("{hill}{beside}usemtl green\n{behind}"));
+    folder.write("a.mtl", "newmtl red\nKd 1 0 0\nnewmtl green\nKd 0 0.5 0.25\n");
+    let told = folder.stdout("build a.obj -o a.chpm --cluster-triangles 64 -q");
+    assert!(told.contains("colours of vertices are those of materials"), "{told}");
+    assert!(
+        !told.contains("references to materials") && !folder.stdout("info a.chpm").contains("sheets     ")
+    );
+    folder.stdout("verify a.chpm --against a.obj --cuts 3 -q");
+    let check = |mesh: &TriMesh| {
+        let mut seen = [0; 2];
+        for (position, color) in mesh.positions.iter().zip(&mesh.colors) {
+            let is_behind = position[0] > 1.5;
+            seen[usize::from(is_behind)] += 1;
+            assert_eq!(*color, if is_behind { [0, 128, 64, 255] } else { [255, 0, 0, 255] }, "{position:?}");
+        }
+        assert!(seen.iter().all(|count| *count > 20), "{seen:?}");
+    };
+    check(&finest(&folder, "a.chpm"));
+    // Vertices that have colours keep them.
+    folder.write(
+        "own.obj",
+        String::from_utf8(folder.read("a.obj")).expect("text").replace("\nvt", " 0 0 1\nvt"),
+    );
+    folder.stdout("build own.obj -o own.chpm -q");
+    let own = finest(&folder, "own.chpm");
+    assert!(own.colors.contains(&[0, 0, 255, 255]) && !own.colors.contains(&[255, 0, 0, 255]));
+    // Two shades of grey tell something, one does not; whoever asks for none gets none.
+    for (mtl, more, is_coloured) in [
+        ("newmtl red\nKd 0.5 0.5 0.5\nnewmtl green\nKd 0.5 0.5 0.5\n", "", false),
+        ("newmtl red\nKd 0.5 0.5 0.5\nnewmtl green\nKd 0.8 0.8 0.8\n", "", true),
+        ("newmtl red\nKd 1 0 0\n", "", true),
+        ("newmtl red\nKd 1 0 0\n", "--texture none", false),
+        ("newmtl red\nKd 1 0 0\n", "--no-colors", false),
+    ] {
+        folder.write("a.mtl", mtl);
+        folder.stdout(&format!("build a.obj -o a.chpm -f -q {more}"));
+        assert_eq!(finest(&folder, "a.chpm").colors.is_empty(), !is_coloured, "{mtl} {more}");
+    }
+}
+
 /// Nothing but textures changes bytes.
 #[test]
 fn sources_without_images_are_built_as_ever() {
     let folder = textured();
     folder.write("bare.obj", obj(32, ""));
     folder.write("names.obj", obj(32, "mtllib b.mtl\nusemtl a\n"));
-    folder.write("b.mtl", "newmtl a\nKd 1 0 0\nmap_bump a.png\n");
+    folder.write("b.mtl", "newmtl a\nKd 0.7 0.7 0.7\nmap_bump a.png\n");
     for source in ["bare", "names"] {
         for texture in ["", "--texture none", "--texture vertices", "--missing-images refuse"] {
             folder.stdout(&format!("build {source}.obj -o out.chpm -f {BUILD} {texture}"));

@@ -222,8 +222,9 @@ pub(crate) fn context<'a>(
 
 /// Sentences about what was chosen for the source.
 pub(crate) fn notes_of(facts: &emit::Facts, settings: &Settings) -> Vec<String> {
-    let images = facts.images.filter(|images| *images > 0).map(|images| {
-        format!("colours of vertices are averages of the texels of {}", Counted(images, "image"))
+    let images = facts.images.map(|images| match images {
+        0 => "colours of vertices are those of materials".to_owned(),
+        images => format!("colours of vertices are averages of the texels of {}", Counted(images, "image")),
     });
     let step = (settings.positions == Positions::Auto).then(|| match facts.lattice_step {
         Some(step) => {

@@ -324,8 +324,13 @@ fn add(all: &mut Option<Textures>, table: Option<Textures>, numbers: Range<u32>)
     const WHITE: Material = Material { image: None, factor: [1.0; 4], wrap: [Wrap::Repeat; 2] };
     let mut end = numbers.end;
     if let Some(table) = table {
-        let all = all.get_or_insert_with(|| Textures { tints: table.tints, ..Textures::default() });
+        let all = all.get_or_insert_with(|| Textures {
+            tints: table.tints,
+            are_plain: true,
+            ..Textures::default()
+        });
         all.tints &= table.tints;
+        all.are_plain &= table.are_plain;
         let images = all.images.len() as u32;
         let own =
             |material: Material| Material { image: material.image.map(|image| image + images), ..material };

@@ -31,14 +31,14 @@ impl Texels {
         Ok(Texels { averager, painted, kept })
     }
 
-    /// Those that were kept, and what they show of all images.
+    /// Those that were kept, and what they show of all images; none without images: sheets would show nothing finer than vertices do.
     pub(super) fn kept(
         &mut self,
         textures: &Textures,
         supply: &Supply,
         context: &Context<'_>,
     ) -> Result<Option<(Column<TexturedTriangle>, Tiles)>, BuildError> {
-        let Some(kept) = self.kept.take() else { return Ok(None) };
+        let Some(kept) = self.kept.take().filter(|_| !textures.are_plain) else { return Ok(None) };
         let (kept, images) = (kept.finish_column()?, &textures.images);
         let mut open = |image: u32| images[image as usize].open();
         let materials = &textures.materials;
@@ -90,6 +90,7 @@ impl Texels {
                     let is_painted = self.painted.as_ref().is_some_and(|set| set.contains(start + at));
                     *color = match (is_painted, textures.tints) {
                         (false, _) => *own,
+                        (true, false) if textures.are_plain => *own,
                         (true, true) => {
                             tints += u64::from(*own != WHITE);
                             tinted(*color, *own)

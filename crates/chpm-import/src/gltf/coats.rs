@@ -147,12 +147,15 @@ impl Coats {
         places: Places<'_, '_>,
         store: Option<&Store>,
     ) -> Result<Option<Coats>, ImportError> {
-        if images == Images::Ignored || !json.windows(8).any(|bytes| bytes == b"\"images\"") {
+        let names = |key: &[u8]| json.windows(key.len()).any(|bytes| bytes == key);
+        let has_images = names(b"\"images\"");
+        if images == Images::Ignored || !has_images && !names(b"\"materials\"") {
             return Ok(None);
         }
         let mut table = Table::new(images, store)?;
         let looks: Looks = match serde_json::from_slice(json) {
             Ok(looks) => looks,
+            Err(_) if !has_images => return Ok(None),
             Err(error) => {
                 table.lose("material", "", &format!("cannot be read: {error}"))?;
                 return Ok(Some(Coats { table, coats: Vec::new() }));
@@ -189,7 +192,10 @@ impl Finder<'_, '_, '_> {
 
         let (factor, alpha) = material.shown(factor.unwrap_or([1.0; 4]));
         let factor = encoded(factor);
-        let plain = self.table.plain(factor)?;
+        let plain = match info {
+            Some(_) => self.table.plain(factor)?,
+            None => self.table.color(factor)?,
+        };
         let painted = info.map(|info| self.painted(info, factor, alpha)).transpose()?;
         Ok(Coat { plain, painted })
     }

@@ -129,10 +129,11 @@ impl Libraries {
 
     fn surface(&mut self, mtl: &Mtl, library: &Path) -> Result<Surface, ImportError> {
         let factor = mtl.factor();
-        let plain = self.table.plain(factor)?;
         let Some(map) = &mtl.map else {
+            let plain = self.table.color(factor)?;
             return Ok(Surface { plain, paint: Paint::None, scale: [1.0; 2], offset: [0.0; 2] });
         };
+        let plain = self.table.plain(factor)?;
         let alpha = mtl.alpha();
         let paint = match map.file.split_once("<UDIM>") {
             Some((before, behind)) => self.tiles(library, map, [before, behind], factor, alpha)?,

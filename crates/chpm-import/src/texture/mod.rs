@@ -37,6 +37,8 @@ pub struct Textures {
     pub images: Vec<Image>,
     /// Whether textures are multiplied by the colours that vertices have of their own, and not put in their place.
     pub tints: bool,
+    /// Whether there are colours of materials alone: no material has an image, or should have one.
+    pub are_plain: bool,
 }
 
 /// Colour that stands for an image that is not there.

@@ -26,6 +26,8 @@ pub(crate) struct Table {
     /// Other files and those of images, in the order in which they were named.
     files: Vec<PathBuf>,
     lost: u64,
+    /// The colour of the first material that has no image by itself, and whether colours of such materials tell anything: they differ, or are more than a shade of grey.
+    colors: (Option<[f32; 3]>, bool),
     told: Vec<String>,
     /// Reasons for faces without an image where there are images, in words, and how many more there are.
     lacks: (Vec<String>, u64),
@@ -45,6 +47,7 @@ impl Table {
             known: BTreeMap::new(),
             files: Vec::new(),
             lost: 0,
+            colors: (None, false),
             told: Vec::new(),
             lacks: (Vec::new(), 0),
             bytes: 0,
@@ -53,8 +56,13 @@ impl Table {
     }
 
     /// Whether triangles have images.
-    pub(crate) fn is_textured(&self) -> bool {
+    fn has_images(&self) -> bool {
         !self.images.is_empty() || self.asked != Images::IfAny && self.lost > 0
+    }
+
+    /// Whether triangles have images, or colours of materials that tell anything.
+    pub(crate) fn is_textured(&self) -> bool {
+        self.has_images() || self.colors.1
     }
 
     /// Files that the source is made of besides itself, if it is textured.
@@ -158,7 +166,15 @@ impl Table {
         self.add(Material { image, factor, wrap })
     }
 
-    /// The number of a material without an image.
+    /// The number of a material that is nothing but a colour.
+    pub(crate) fn color(&mut self, factor: [f32; 4]) -> Result<u32, ImportError> {
+        let [r, g, b, _] = factor;
+        let first = *self.colors.0.get_or_insert([r, g, b]);
+        self.colors.1 |= r != g || g != b || first != [r, g, b];
+        self.plain(factor)
+    }
+
+    /// The number of a material for those triangles of another that its image is not on.
     pub(crate) fn plain(&mut self, factor: [f32; 4]) -> Result<u32, ImportError> {
         self.add(Material { image: None, factor, wrap: [Wrap::Repeat; 2] })
     }
@@ -186,11 +202,11 @@ impl Table {
         self.files().iter().map(|path| file_beside(path, cancel)).collect()
     }
 
-    /// All that was found; none if there are no images.
+    /// All that was found; none if there are neither images nor colours.
     pub(crate) fn finish(self, tints: bool) -> Option<Textures> {
-        let is_textured = self.is_textured();
+        let (is_textured, are_plain) = (self.is_textured(), !self.has_images() && self.lost == 0);
         let Table { materials, images, .. } = self;
-        is_textured.then_some(Textures { materials, images, tints })
+        is_textured.then_some(Textures { materials, images, tints, are_plain })
     }
 }
 

@@ -547,3 +547,43 @@ fn lies_of_a_gltf_about_images_cost_no_mesh() {
         assert_eq!(found.textured.len(), 2);
     }
 }
+
+/// Colours of materials come without any image where they tell something.
+#[test]
+fn colours_of_materials_count_without_images() {
+    let face = "usemtl a\nf 1/1 2/2 3/3\nusemtl b\nf 1 2 4\nf 1/1 2/2 3/3\n";
+    let obj = format!("mtllib a.mtl\n{FACE}{face}");
+    let early = format!("{FACE}mtllib a.mtl\n{face}");
+    for (mtl, tells) in [
+        ("newmtl a\nKd 0 0.5 1\nnewmtl b\n", true),
+        ("newmtl a\nKd 0.2\nnewmtl b\nKd 0.4\n", true),
+        ("newmtl a\nKd 0.4\nnewmtl b\nKd 0.4\n", false),
+        ("newmtl a\nnewmtl b\nmap_Ks a.png\n", false),
+    ] {
+        for text in [&obj, &early] {
+            let dir = folder(&[("a.mtl", mtl.as_bytes()), ("a.obj", text.as_bytes()), ("a.png", PNG)]);
+            for images in [Images::IfAny, Images::Grey, Images::Required] {
+                let read = read(&dir, "a.obj", images).unwrap();
+                assert_eq!(read.info.textures.is_some(), tells, "{mtl}");
+                let Some(textures) = &read.info.textures else { continue };
+                assert!(textures.are_plain && textures.images.is_empty() && read.info.warnings.is_empty());
+                assert_eq!((read.textured.len(), read.info.beside.len()), (3, 1));
+                assert_ne!(read.material(0).factor, read.material(1).factor);
+                assert_eq!(read.material(1), read.material(2));
+            }
+            assert!(read(&dir, "a.obj", Images::Ignored).unwrap().info.textures.is_none());
+        }
+    }
+
+    for (factor, tells) in [(json!([1.0, 0.0, 0.0, 1.0]), true), (json!([0.5, 0.5, 0.5, 1.0]), false)] {
+        let bytes = glb(json!({ "materials": [{ "pbrMetallicRoughness": { "baseColorFactor": factor } }] }));
+        let dir = folder(&[("a.glb", &bytes)]);
+        let read = read(&dir, "a.glb", Images::IfAny).unwrap();
+        assert_eq!(read.info.textures.is_some(), tells, "{factor}");
+        if tells {
+            assert!(read.textures().are_plain && read.textures().tints);
+            let red = Material { image: None, factor: [1.0, 0.0, 0.0, 1.0], wrap: [Wrap::Repeat; 2] };
+            assert_eq!(read.material(0), red);
+        }
+    }
+}
