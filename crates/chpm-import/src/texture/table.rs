@@ -56,7 +56,7 @@ impl Table {
     }
 
     /// Whether triangles have images.
-    fn has_images(&self) -> bool {
+    pub(crate) fn has_images(&self) -> bool {
         !self.images.is_empty() || self.asked != Images::IfAny && self.lost > 0
     }
 
