@@ -31,7 +31,7 @@ export RUST_TEST_THREADS="${RUST_TEST_THREADS:-$((($(getconf _NPROCESSORS_ONLN) 
 # Mesa looks for a folder of the session; any will do.
 export XDG_RUNTIME_DIR="${XDG_RUNTIME_DIR:-/tmp}"
 
-has_macos() { command -v cargo-zigbuild >/dev/null && rustup target list --installed 2>/dev/null | grep -q '^aarch64-apple-darwin$'; }
+has_macos() { command -v cargo-zigbuild >/dev/null && rustup target list --installed 2>/dev/null | grep '^aarch64-apple-darwin$' >/dev/null; }
 
 # What draws; left out where there is no driver for it.
 draws=(integration::render:: integration::window:: integration::couple:: integration::shadows:: sheets_are_drawn a_picture_says_what_it_lacks every_key_is_documented_and_appears

@@ -13,9 +13,11 @@ lacks() {
 
 # What a tool is looked for by, its package in Debian, and what is skipped without it.
 has_compilers() { command -v cc >/dev/null && command -v c++ >/dev/null; }
-has_vulkan() { ldconfig -p | grep -q libvulkan.so.1; }
+# Not `grep -q`, which ends at the first match: now and then that ended `ldconfig` by a signal, and what was there was missing.
+has_library() { ldconfig -p | grep -F "$1" >/dev/null; }
+has_vulkan() { has_library libvulkan.so.1; }
 has_vulkan_driver() { compgen -G '/usr/share/vulkan/icd.d/lvp_icd*.json' >/dev/null; }
-has_egl() { ldconfig -p | grep -q libEGL.so.1; }
+has_egl() { has_library libEGL.so.1; }
 has_gl_driver() { compgen -G '/usr/lib/*/dri/swrast_dri.so' >/dev/null; }
 has_node() { command -v node >/dev/null && node -e 'process.exit(parseInt(process.versions.node) < 20 ? 1 : 0)'; }
 has_venv() { python3 -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 10))' 2>/dev/null; }
