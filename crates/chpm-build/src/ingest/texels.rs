@@ -31,7 +31,7 @@ impl Texels {
         Ok(Texels { averager, painted, kept })
     }
 
-    /// Those that were kept, and what they show of all images; none without images: sheets would show nothing finer than vertices do.
+    /// Those that were kept, and what they show of all images; none where no material has one.
     pub(super) fn kept(
         &mut self,
         textures: &Textures,
