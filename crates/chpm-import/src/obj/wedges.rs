@@ -145,8 +145,8 @@ impl Wedges {
 
     /// All has come.
     pub(super) fn finish(mut self) -> Result<Faces, ImportError> {
-        let has_images = self.libraries.table.has_images();
-        for name in self.unknown.iter().filter(|_| has_images) {
+        let is_textured = self.is_textured();
+        for name in self.unknown.iter().filter(|_| is_textured) {
             let name = excerpt(name);
             let told =
                 format!("material '{name}' was in no library when faces named it, which have no image");

@@ -56,7 +56,7 @@ impl Table {
     }
 
     /// Whether triangles have images.
-    pub(crate) fn has_images(&self) -> bool {
+    fn has_images(&self) -> bool {
         !self.images.is_empty() || self.asked != Images::IfAny && self.lost > 0
     }
 

@@ -34,8 +34,13 @@ fn materials_that_no_library_has_are_told_or_refused() {
     let refused = read(&dir, "a.obj", Images::Required).expect_err("a material is missing");
     assert!(refused.contains("'A'") && refused.contains("--missing-images grey"), "{refused}");
 
-    // Without images there is nothing to lose.
+    // Colours can be lost as images can.
     let dir = folder(&[("a.mtl", b"newmtl a\nKd 1 0 0\n"), ("a.obj", obj.as_bytes())]);
+    assert_eq!(read(&dir, "a.obj", Images::Grey).unwrap().info.warnings, [told("A"), told("early")]);
+    assert!(read(&dir, "a.obj", Images::Required).expect_err("a material is missing").contains("'A'"));
+
+    // Without either there is nothing to lose.
+    let dir = folder(&[("a.mtl", b"newmtl a\nKd 0.5 0.5 0.5\n"), ("a.obj", obj.as_bytes())]);
     let plain = read(&dir, "a.obj", Images::Required).unwrap();
     assert!(!plain.info.warnings.iter().any(|warning| warning.contains("'A'")), "{:?}", plain.info.warnings);
 }
